@@ -43,6 +43,7 @@ class FakeDhd:
             "motor_force": (c_int, self._triple),
             "press": (c_int, c_uint),
             "fail": (c_char_p, c_int, c_int),
+            "blind": (c_int,),
         }.items():
             getattr(self.calls, f"fake_{name}").argtypes = takes
         for name in ("limit", "compensation"):

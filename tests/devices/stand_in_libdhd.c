@@ -39,7 +39,7 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_mutex_t stall = PTHREAD_MUTEX_INITIALIZER; /* held by a test: transfers wait */
 static __thread int last_error;
 static char failing[40];
-static int failing_code, failing_after, transfers;
+static int failing_code, failing_after, transfers, blind;
 
 static double seconds(void) {
     struct timespec now;
@@ -243,7 +243,7 @@ int dhdGetPosition(double *x, double *y, double *z, char id) {
 int dhdGetLinearVelocity(double *x, double *y, double *z, char id) {
     struct device *d = of(id, "dhdGetLinearVelocity");
     if (!d) return -1;
-    if (d->positions < 2) return fail(ERROR_TIMEOUT);
+    if (d->positions < 2 || blind) return fail(ERROR_TIMEOUT);
     pthread_mutex_lock(&lock);
     *x = d->v[0], *y = d->v[1], *z = d->v[2];
     pthread_mutex_unlock(&lock);
@@ -284,6 +284,7 @@ void fake_reset(void) {
     devices[1] = (struct device){.serial = 20202, .type = 104, .name = "sigma.7", .motors = 20};
     for (int i = 0; i < DEVICES; i++) devices[i].plugged = devices[i].powered = devices[i].gravity = 1;
     failing[0] = 0;
+    blind = 0;
     failing_after = 0;
 }
 
@@ -335,6 +336,9 @@ void fake_motor_force(int serial, double out[3]) {
 }
 
 /* Make a function fail once, after a number of calls that succeed. */
+/* Whether the velocity is never known. */
+void fake_blind(int is) { blind = is; }
+
 void fake_fail(const char *function, int code, int after) {
     failing_code = code;
     failing_after = after;

@@ -17,6 +17,7 @@ from netboard.devices.force_dimension import api
 from netboard.devices.force_dimension import device as force_dimension
 from netboard.devices.force_dimension.api import DhdError, ForceOff
 from netboard.devices.force_dimension.device import MODELS, REST_NS, ForceDimension
+from netboard.devices.force_dimension.servo import DhdServo
 from netboard.testing.device import DeviceContract
 
 STALL_NS = 20_000_000_000
@@ -326,6 +327,16 @@ def test_device_is_released_at_the_interpreters_exit(dhd: FakeDhd, open_device: 
     assert not dhd.calls.fake_open(OMEGA)
 
 
+def test_velocity_that_stays_unknown_loses_the_device(dhd: FakeDhd, open_device: Opener) -> None:
+    """It would count as rest, and nothing would cut the force of a hand that is too fast."""
+    device = open_device()
+    dhd.calls.fake_blind(1)
+    with pytest.raises(DeviceTimeout, match="dhdGetLinearVelocity"):
+        read_until(device, lambda reading: False)
+    device.close()
+    assert dhd.motor_force() == (0.0, 0.0, 0.0)
+
+
 def test_stalled_transfers_lose_the_device(dhd: FakeDhd, open_device: Opener, monkeypatch: pytest.MonkeyPatch) -> None:
     device = open_device()
     monkeypatch.setattr(force_dimension, "STALL_NS", 50_000_000)
@@ -333,7 +344,16 @@ def test_stalled_transfers_lose_the_device(dhd: FakeDhd, open_device: Opener, mo
     with pytest.raises(DeviceTimeout, match="stalled for"):
         read_until(device, lambda reading: False)
     monkeypatch.setattr(force_dimension, "FIRST_TICK_NS", 50_000_000)
+    braked: list[bool] = []
+    close = DhdServo.close
+
+    def noted(servo: DhdServo, within_ns: int) -> bool:
+        braked.append(bool(dhd.calls.fake_braked(OMEGA)))
+        return close(servo, within_ns)
+
+    monkeypatch.setattr(DhdServo, "close", noted)
     device.close()  # a device that is lost anyway
+    assert braked == [True], "the motors must be stopped before anything is waited for"
     dhd.calls.fake_stall(0)
 
 

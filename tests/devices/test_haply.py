@@ -273,6 +273,12 @@ def test_unplugged_device_is_lost(service: FakeHaplyService, open_device: Opener
             '{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": NaN}}, "status": {}}]}',
             "cursor_position: expected three numbers",
         ),
+        (
+            '{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": %s}}, "status": {}}]}'
+            % ("9" * 400),
+            "cursor_position: expected three numbers",
+        ),
+        ("[" * 100_000, "no JSON .lists or objects are nested too deeply"),
     ],
 )
 def test_malformed_message_loses_the_device_and_leaves_no_force(

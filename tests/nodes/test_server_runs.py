@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from motion_rig import MotionRig
 from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.config import Config
 from netboard.base.safeguards import Safeguard
+from netboard.base.tables.perturbations import Perturbation
 from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.joining import Goodbye
@@ -142,9 +144,15 @@ DUE_NS = 11 * TICK_NS
 @pytest.fixture
 def felt() -> Iterator[TickRunner]:
     """A trial with haptic feedback whose next tick, number 10, is due at `DUE_NS`."""
-    plain = Config()
+    with trial_of(Config()) as runner:
+        yield runner
+
+
+@contextmanager
+def trial_of(config: Config) -> Iterator[TickRunner]:
+    """Begin a trial of a block with haptic feedback."""
     with sockets.open_context() as context:
-        runner = TickRunner(context, replace(plain, block=replace(plain.block, force="full")), compiled=True)
+        runner = TickRunner(context, replace(config, block=replace(config.block, force="full")), compiled=True)
         for number in range(10):
             command = int(Cause.START) if number == STARTS_AT else 0
             runner.send(number)
@@ -237,18 +245,30 @@ def test_run_between_trials_sends_no_force_and_needs_no_sample(felt: TickRunner)
     ] * 2
 
 
+def run_until(runner: TickRunner, field: str) -> int:
+    """Run up to 20 ticks at a time until a field of the newest row is set; return the number of the next tick."""
+    number, most = 10, 10 + 2 * round(Config().task.level_time * 1000)
+    while not runner.rows[field][(number - 1) % ROWS]:
+        assert number < most
+        runner.send(number)
+        at(runner, (number + 1) * TICK_NS)
+        assert runner.run(number, (number + 1) * TICK_NS, number + 20) in (DONE, WAITS)
+        number = int(runner.progress["number"])
+    return number
+
+
 def test_event_ends_a_run(felt: TickRunner) -> None:
-    plain = Config()
-    needed = round(plain.task.level_time * 1000)
-    number = 10
-    while not felt.rows["event"][(number - 1) % ROWS]:
-        assert number < 10 + 2 * needed
-        felt.send(number)
-        at(felt, (number + 1) * TICK_NS)
-        ended = felt.run(number, (number + 1) * TICK_NS, number + 20)
-        number = int(felt.progress["number"])
-    assert ended == DONE
+    number = run_until(felt, "event")
     assert felt.progress["until"] == number
+
+
+def test_beginning_of_a_perturbation_ends_a_run() -> None:
+    """Its event has the tick at which it begins, and its trigger is sent at once."""
+    pushed = replace(Config(), perturbation=Perturbation(at="ball", time=0.013, trials=(1,)))
+    with trial_of(pushed) as runner:
+        number = run_until(runner, "perturbation")
+        assert runner.progress["until"] == number
+        assert runner.rows["perturbed_ticks"][(number - 1) % ROWS] == 0
 
 
 def test_run_sleeps_between_its_ticks(felt: TickRunner) -> None:

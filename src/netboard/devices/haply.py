@@ -13,21 +13,25 @@ Options (``agents.<side>.options``): see `HaplyOptions`. How to set it up: docs/
 
 import contextlib
 import json
+import logging
+import reprlib
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import hypot
 from time import sleep
 from typing import Annotated, Any, NamedTuple, final
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
-from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, parse_json
 from netboard.base.system.monotonic import monotonic_ns
 from netboard.base.system.scheduling import scheduling
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.contract.selection import only
 from netboard.participants.body.device_forces import within
+
+log = logging.getLogger(__name__)
 
 URL = "ws://localhost:10001"
 """Default address of the service (docs.haply.co, WebSocket Protocol 3.5)."""
@@ -66,6 +70,9 @@ ANSWER_S = 1.0
 BUTTONS = ("a", "b", "c")
 """Buttons of a Wireless VerseGrip, bit 0 first."""
 
+FARTHEST = 1e6
+"""A position or velocity of this magnitude is none [m, m/s]."""
+
 NO_FORCE = (0.0, 0.0, 0.0)
 
 Message = dict[str, Any]
@@ -100,7 +107,7 @@ class MalformedMessage(ValueError):
 def parsed(text: str | bytes) -> Message:
     """Return a message of the service; raise `MalformedMessage` if it is not an object in JSON."""
     try:
-        message = json.loads(text)
+        message = parse_json(text)
     except ValueError as error:
         raise MalformedMessage(f"no JSON ({error})") from error
     if not isinstance(message, dict):
@@ -142,8 +149,8 @@ def _vector(state: Message, key: str) -> tuple[float, float, float]:
     found = _object(state, key)
     x, y, z = (found.get(axis) for axis in "xyz")
     for value in (x, y, z):
-        if not isinstance(value, int | float) or not isfinite(value):
-            raise MalformedMessage(f"{key}: expected three numbers, found {found!r}")
+        if not isinstance(value, int | float) or not abs(value) < FARTHEST:
+            raise MalformedMessage(f"{key}: expected three numbers below {FARTHEST:g}, found {reprlib.repr(found)}")
     return float(x), float(y), float(z)  # type: ignore[arg-type]  # checked above
 
 
@@ -245,7 +252,6 @@ class HaplyLink:
                 sleep(max(PERIOD_S - 1e-9 * (monotonic_ns() - began_ns), 0.0))
             self._exchange(NO_FORCE)
             self._zeroed.set()
-            return
         except TimeoutError:
             self.fault = DeviceTimeout(f"Haply's service has not answered for {ANSWER_S:g} s")
         except MalformedMessage as error:
@@ -254,8 +260,13 @@ class HaplyLink:
             self.fault = error
         except self._link.failures as error:
             self.fault = DeviceLost(f"the connection to Haply's service has ended ({error})")
-        with contextlib.suppress(*self._link.failures):  # whatever the fault, the service must not keep a force
-            self._link.send(force_command(self._device, NO_FORCE))
+        except Exception as error:  # nobody waits for this thread: what is not foreseen must not end it in silence
+            log.exception("the exchange with Haply's service has failed")
+            self.fault = DeviceLost(f"the exchange with Haply's service has failed ({error!r})")
+        finally:
+            if not self._zeroed.is_set():  # whatever the fault, the service must not keep a force
+                with contextlib.suppress(*self._link.failures):
+                    self._link.send(force_command(self._device, NO_FORCE))
 
     def _chosen(self, now_ns: int) -> tuple[float, float, float]:
         """Return the force to send: the newest, or zero from a timeout until a zero force is set."""
@@ -379,12 +390,6 @@ class Haply(Device):
         link, self._link = self._link, None
         if link is not None and not link.close() and link.fault is None:
             raise DeviceLost("Haply's service did not confirm the zero force before the connection was closed")
-
-
-def _described(one: tuple[str, Message]) -> str:
-    """Describe a device for an operator who has to select one."""
-    name, entry = one
-    return f"{_model_of(entry)} {name}"
 
 
 def _object_or_error(entry: Message, key: str) -> Message:

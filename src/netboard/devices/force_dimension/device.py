@@ -251,6 +251,8 @@ class ForceDimension(Device):
         _open.discard(self)
         if dhd is None or device is None:
             return True
+        if self._lost:
+            dhd.calls.dhdStop(device)  # before any wait: a transfer may hang, and a force be on the motors
         taken = servo is None or servo.close(FIRST_TICK_NS)
         dhd.calls.dhdStop(device)  # brakes, so that the arm does not drop
         dhd.calls.dhdClose(device)

@@ -14,6 +14,7 @@
 enum { PRIORITY_STEP = 5 }; /* above a real-time caller, which waits for this thread, as IO_PRIORITY_STEP in realtime.py */
 
 enum { PERIOD_NS = 250000, STATUS_NS = 20000000, STATUSES = 32 }; /* room for more states than the SDK has (17) */
+enum { VELOCITY_NS = 100000000 };                                  /* longest time without an estimate of the velocity */
 enum { TIMEGUARD = 1 };                                            /* the position is recent enough: not read again */
 enum { ERROR_TIMEOUT = 7 };
 enum { STATUS_FORCE = 5, STATUS_FORCE_OFF_CAUSE = 14 };
@@ -43,6 +44,7 @@ struct servo {
     char id;
     int16_t off;
     int64_t status_due_ns;
+    int64_t velocity_ns; /* time of the newest estimate of the velocity, or of the start */
     _Atomic int64_t ticks;
     _Atomic int stopping, ended;
     struct exchange exchange;
@@ -71,10 +73,10 @@ static int tick(struct servo *servo) {
     now.stamp_ns = now_ns();
     int got = servo->dhd.get_position(&x[0], &x[1], &x[2], servo->id);
     if (got < 0) return failed(servo, GET_POSITION);
-    if (servo->dhd.get_velocity(&v[0], &v[1], &v[2], servo->id) < 0) {
-        if (servo->dhd.last_error() != ERROR_TIMEOUT) return failed(servo, GET_VELOCITY);
-        v[0] = v[1] = v[2] = 0; /* too few positions yet for an estimate */
-    }
+    if (servo->dhd.get_velocity(&v[0], &v[1], &v[2], servo->id) >= 0) servo->velocity_ns = now.stamp_ns;
+    else if (servo->dhd.last_error() != ERROR_TIMEOUT || now.stamp_ns - servo->velocity_ns > VELOCITY_NS)
+        return failed(servo, GET_VELOCITY);
+    else v[0] = v[1] = v[2] = 0; /* too few positions yet for an estimate */
     if (!update_status(servo, now.stamp_ns)) return 0;
     now.buttons = (int32_t)servo->dhd.get_buttons(servo->id);
     choose(&servo->exchange, now.stamp_ns, force);
@@ -88,7 +90,7 @@ static int tick(struct servo *servo) {
 
 static void *serve(void *data) {
     struct servo *servo = data;
-    int64_t due_ns = now_ns();
+    int64_t due_ns = servo->velocity_ns = now_ns();
     while (!servo->stopping && tick(servo)) {
         due_ns += PERIOD_NS;
         int64_t at_ns = now_ns();

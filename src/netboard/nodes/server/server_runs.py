@@ -57,6 +57,7 @@ RUN_WORDS = {name: place for place, name in enumerate(RUN.names or ())}
 
 _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
 _EVENT, _TICK, _TRIAL = (TICK_WORDS[name] for name in ("event", "tick", "trial"))
+_PERTURBATION, _PERTURBED_TICKS = (TICK_WORDS[name] for name in ("perturbation", "perturbed_ticks"))
 _UNREAD = samples.OTHER | samples.FAILED
 
 
@@ -115,8 +116,9 @@ def _run(
                 return FAILED
             run["late_ticks"] += late_ns > LATE_NS
             run["number"], run["due_ns"] = number + 1, due_ns + TICK_NS
-            # Python records the decision, and a change of the phase may end what makes a tick undisturbed.
-            if row[_EVENT]:
+            # Python records the decision, and a change of the phase may end what makes a tick undisturbed. Python also
+            # records that a perturbation begins, whose trigger is to be sent at once.
+            if row[_EVENT] or (row[_PERTURBATION] and not row[_PERTURBED_TICKS]):
                 run["until"] = number + 1
         if begins or (run["wake_ns"] < due_ns and not found & _UNREAD):  # an unread message must not be overwritten
             found = drain(motion, run["due_ns"], False, samples.MAX_FRAMES)  # the socket signals again once it is empty

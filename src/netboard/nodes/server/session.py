@@ -452,7 +452,7 @@ class DyadSession:
         row, config = state.rows[number % RING_ROWS], state.block.config
         if begins_perturbation(row, config):
             details = perturbation_of(row, config)
-            state.note(PERTURBATION, details | self._blocks.details.of(int(row["trial"])))
+            state.note(PERTURBATION, details | self._blocks.details.of(int(row["trial"])), number)
         if row["event"]:
             self._record_decision(number)
 
