@@ -20,13 +20,13 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.base.files.cells import RUNS, text_of_cell
 from netboard.base.files.new import new_file, refuse_existing
+from netboard.base.system.locks import lock
 from netboard.base.tables.experiment import Design
 from netboard.base.tick import TICK
 from netboard.recording.export import matlab
 from netboard.recording.export.formats import FORMATS, export, library, new_folder, writer_of
 from netboard.recording.export.tables import TABLES, TICKS
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.disk import lock
 from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.services.cli import app
 from netboard.testing.difficult_recording import ODD, START_NS, UTC_NS, make_rows, without_payloads, write

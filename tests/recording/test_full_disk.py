@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from netboard.base.errors import RecordingError
+from netboard.base.system.c_library import allocate
 from netboard.base.tables.rig import RecordingSettings as Settings
 from netboard.recording.files.reader import Recording
 from netboard.recording.format import partfile
@@ -21,7 +22,6 @@ from netboard.recording.format.disk import (
     STEP_NS,
     DiskUse,
     Space,
-    allocate,
     require_space,
 )
 from netboard.recording.recovery.recover import recover
