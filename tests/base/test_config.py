@@ -353,3 +353,8 @@ def test_every_quantity_has_limits_and_every_key_a_description() -> None:
         assert key.text
         assert key.limits or not key.unit
     assert about("x", "m", gt=0).description == "x"
+
+
+@pytest.mark.parametrize(("was", "is_now"), [("true", "always"), ("false", "never")])
+def test_full_screen_of_older_recordings_and_rigs_is_read(was: str, is_now: str) -> None:
+    assert parse(f"[display]\nfullscreen = {was}").display.fullscreen == is_now

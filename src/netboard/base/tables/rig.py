@@ -6,7 +6,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from pydantic import StrictBool
+from pydantic import BeforeValidator, StrictBool
 
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, TextForm, about
 
@@ -223,6 +223,11 @@ class Partners:
         return self.left if side == "left" else self.right
 
 
+def _was_a_flag(value: object) -> object:
+    """Return a value of `Display.fullscreen`: older recordings and rigs have true or false."""
+    return ("never", "always")[value] if isinstance(value, bool) else value
+
+
 @dataclass(frozen=True, slots=True)
 class Display:
     """The participants' windows."""
@@ -232,6 +237,7 @@ class Display:
     height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
     fullscreen: Annotated[
         Literal["auto", "always", "never"],
+        BeforeValidator(_was_a_flag),
         about('full screen, without a frame; "auto": if the two stations are different machines'),
     ] = "auto"
     ball: Annotated[
