@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.devices.setup import usb
 from netboard.network import keys
 from netboard.network.protocol.station import StationRequest
 from netboard.network.transport import sockets
@@ -18,7 +19,7 @@ from netboard.nodes.launching import remote
 from netboard.nodes.launching.machines import LocalMachine
 from netboard.nodes.launching.preparation import missing_steps
 from netboard.nodes.launching.remote import RemoteMachine
-from netboard.nodes.launching.station import StationService, ring_of, station_commands
+from netboard.nodes.launching.station import StationService, changing_state, ring_of, station_commands
 from netboard.services.cli import app
 from script_launcher import SLOW_STOP, ScriptLauncher
 
@@ -108,6 +109,36 @@ def test_device_test_waits_for_the_agent(tmp_path: Path, made: tuple[Config, Con
         assert service.answer(StationRequest("start", "left agent")).refused == ""
         refused = service.answer(StationRequest("start", "left device test")).refused
     assert refused == "the left agent has the device; stop it first"
+
+
+@pytest.mark.parametrize(
+    ("vendor", "product", "name"), [("1451", "0403", "Force Dimension device"), ("0403", "cb48", "Falcon")]
+)
+def test_state_names_the_devices_that_are_plugged_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vendor: str, product: str, name: str
+) -> None:
+    device = tmp_path / "sys/bus/usb/devices/1-2"
+    device.mkdir(parents=True)
+    for file, text in {"idVendor": vendor, "idProduct": product, "serial": "7"}.items():
+        (device / file).write_text(f"{text}\n")
+    monkeypatch.setattr(usb, "ROOT", tmp_path)
+    assert changing_state(config_of(tmp_path / "keys", 5560), "left")["USB devices"] == f"{name} 7"
+
+
+def test_station_goes_on_when_a_start_fails_and_its_folder_is_gone(
+    both: Both, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(name: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(both.service._machine, "start", full)
+    folder = tmp_path / "removed"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    report = both.service.answer(StationRequest("start", "left agent"))
+    assert report.refused == "cannot start the left agent: [Errno 28] No space left on device"
+    assert report.machine["free disk"] == "unknown: the working folder cannot be read: No such file or directory"
 
 
 def test_station_admits_only_its_own_server(

@@ -140,7 +140,8 @@ def test_forms_have_every_key_with_unit_and_help() -> None:
     [
         ("network", "port", "6000", "[network]\nport = 6000\n"),
         ("network", "host", "10.77.0.1", '[network]\nhost = "10.77.0.1"\n'),
-        ("agents.left", "options", '{serial = "12"}', '[agents.left]\noptions = {serial = "12"}\n'),
+        ("agents.left", "options", '{serial = "12"}', '[agents.left]\noptions = {"serial" = "12"}\n'),
+        ("triggers", "codes", '{"level haptics=on" = 5}', '[triggers]\ncodes = {"level haptics=on" = 5}\n'),
         ("network", "port", "5550", "\n"),
     ],
 )

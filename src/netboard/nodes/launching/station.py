@@ -103,19 +103,25 @@ class StationService:
 
     def answer(self, request: StationRequest) -> StationReport:
         """Carry out a request, and report."""
-        refused = self._refusal(request)
-        if not refused and request.action == "start":
-            log.info("start %s", request.process)
-            self._machine.start(request.process)
-        elif not refused and request.action == "stop":
-            log.info("stop %s", request.process)
-            self._machine.stop(request.process)
+        refused = self._refusal(request) or self._carry_out(request)
         processes = tuple(self._machine.processes.values())
         shown = {status.name for status in processes if status.phase == "ended" and status.code}
         shown |= {request.process} & set(self._machine.commands)
         logs = {name: self._machine.tail(name)[-LOG_CHARACTERS:] for name in sorted(shown)}
         state = dict(self._state) | changing_state(self._config, self._side)
         return StationReport(self._side, version("netboard"), state, processes, logs, refused)
+
+    def _carry_out(self, request: StationRequest) -> str:
+        """Start or stop a process; return why that failed. A full disk must not end the processes that run."""
+        actions = {"start": self._machine.start, "stop": self._machine.stop}
+        if request.action in actions:
+            log.info("%s %s", request.action, request.process)
+            try:
+                actions[request.action](request.process)
+            except OSError as error:
+                log.error("cannot %s %s: %s", request.action, request.process, error)
+                return f"cannot {request.action} the {request.process}: {error}"
+        return ""
 
     def _refusal(self, request: StationRequest) -> str:
         """Return why a request is not carried out; empty if it is."""
@@ -143,14 +149,22 @@ def changing_state(config: Config, side: Side) -> dict[str, str]:
     state = {
         "load": f"{load_average():.2f}",
         "free memory": f"{int(memory['MemAvailable'].split()[0]) / 2**20:.1f} GiB" if "MemAvailable" in memory else "?",
-        "free disk": f"{shutil.disk_usage(Path.cwd()).free / 2**30:.1f} GiB",
+        "free disk": _free_disk(),
         "device": f"{backend}: {WORDS[registry.kind_of(backend)]}",
     }
     if usb.has_sysfs(usb.ROOT):
-        plugged = [f"{usb.MODELS[each.vendor, each.product]} {each.serial}".strip() for each in usb.by_sysfs(usb.ROOT)]
+        plugged = [f"{each.model.name} {each.serial}".strip() for each in usb.by_sysfs(usb.ROOT)]
         state["USB devices"] = ", ".join(plugged) or "none"
     if keys.encrypted(config.network):
         folder = Path(config.network.keys)
         lacking = [role for role in ("agent", "display") if not keys.key_path(folder, f"{role}.{side}").exists()]
         state["keys"] = f"missing in {folder}: {', '.join(lacking)}" if lacking else "complete"
     return state
+
+
+def _free_disk() -> str:
+    """Return the free space of the working folder, or why it is unknown."""
+    try:
+        return f"{shutil.disk_usage(Path.cwd()).free / 2**30:.1f} GiB"
+    except OSError as error:
+        return f"unknown: the working folder cannot be read: {error.strerror}"

@@ -83,15 +83,7 @@ def fields_of(settings: object, table: SettingsTable) -> tuple[FormField, ...]:
 
 def as_text(value: Any) -> str:
     """Return a value as a form shows it: texts without quotes, tables in TOML's braces."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name} = {_inner(item)}" for name, item in value.items()) + "}"
-    return to_toml(value)
-
-
-def _inner(value: Any) -> str:
-    return as_text(value) if isinstance(value, dict) else to_toml(value)
+    return value if isinstance(value, str) else to_toml(value)
 
 
 def changed_text(text: str, field: FormField, entry: str) -> str:
@@ -118,7 +110,7 @@ def _toml(settings: Any, field: FormField) -> str:
     node = settings
     for step in (*field.path, field.key.name):
         node = getattr(node, step)
-    return field.text if isinstance(node, dict) else to_toml(node)
+    return to_toml(node)
 
 
 def checked(cls: type[T], text: str, source: str, overrides: tuple[str, ...] = ()) -> T:
