@@ -9,6 +9,7 @@ from fake_machine import FakeMachine
 
 from netboard.nodes.launching.machines import LocalMachine, last_lines
 from netboard.nodes.launching.session import MAX_FAILURES, RESTART_SECONDS, LaunchedSession, UnaskedEnd
+from netboard.nodes.launching.terminal import failures
 from script_launcher import IGNORES_STOP, SLOW_STOP, ScriptLauncher
 
 PLACES = {"logger": "here", "server": "here", "left agent": "left", "left display": "left", "console": "here"}
@@ -71,8 +72,10 @@ def test_agent_that_keeps_failing_is_left_and_the_session_goes_on(launched: Laun
     assert not launched.session.broken
 
 
-@pytest.mark.parametrize(("name", "code"), [("console", 0), ("left display", 0), ("console", 1)])
-def test_window_that_ends_stops_nothing(launched: Launched, name: str, code: int) -> None:
+@pytest.mark.parametrize(
+    ("name", "code"), [("console", 0), ("left display", 0), ("console", 1), ("console", 2), ("left agent", 2)]
+)
+def test_end_of_a_process_without_the_server_stops_nothing(launched: Launched, name: str, code: int) -> None:
     machine = launched.left if PLACES[name] == "left" else launched.here
     machine.end(name, code)
     launched.wait(0.1)
@@ -82,11 +85,9 @@ def test_window_that_ends_stops_nothing(launched: Launched, name: str, code: int
     assert launched.session.broken == ({name} if code else set())
 
 
-@pytest.mark.parametrize(("name", "code"), [("server", 0), ("server", 1), ("left agent", 2)])
-def test_end_of_the_server_or_a_wrong_configuration_stops_all_in_order(
-    launched: Launched, name: str, code: int
-) -> None:
-    (launched.left if name == "left agent" else launched.here).end(name, code)
+@pytest.mark.parametrize(("name", "code"), [("server", 0), ("server", 1), ("server", 2)])
+def test_end_of_the_server_stops_all_in_order(launched: Launched, name: str, code: int) -> None:
+    launched.here.end(name, code)
     launched.wait(0.1)
     assert launched.session.stopping
     assert launched.session.broken == ({name} if code else set())
@@ -113,6 +114,46 @@ def test_stop_asks_the_server_only_when_agents_have_ended(launched: Launched) ->
     launched.wait(0.1)
     assert launched.here.asked == ["console", "server"]
     assert not launched.ends
+
+
+def test_processes_that_vanish_with_their_station_are_started_again(launched: Launched) -> None:
+    launched.wait(0.1)
+    launched.left.trouble = "the left station does not answer"
+    launched.left.processes.clear()
+    launched.wait(0.1)
+    assert not launched.ends
+    launched.left.trouble = ""
+    launched.wait(0.1)
+    assert [str(end) for end in launched.ends] == [
+        f"the left {program} is gone, as if its station was restarted; it is started again"
+        for program in ("agent", "display")
+    ]
+    launched.wait(RESTART_SECONDS)
+    assert launched.left.started.count("left agent") == 2
+    assert launched.session.running == list(PLACES)
+    assert len(launched.ends) == 2
+
+
+def test_processes_that_were_stopped_may_vanish(launched: Launched) -> None:
+    launched.wait(0.1)
+    launched.session.stop()
+    launched.wait(0.1)
+    launched.left.processes.clear()
+    launched.wait(0.1)
+    assert not launched.ends
+
+
+def test_crash_just_before_the_stop_and_a_silent_station_are_failures(launched: Launched) -> None:
+    launched.here.end("logger", 1)
+    launched.wait(0.1)
+    launched.left.processes.clear()
+    launched.session.stop()
+    while not launched.session.over:
+        launched.wait(0.1)
+        launched.here.let_stop()
+    found = failures(launched.session)
+    assert list(found) == ["logger", "left agent", "left display"]
+    assert found["left agent"] is None
 
 
 # --- this machine ------------------------------------------------------------------------------------------------

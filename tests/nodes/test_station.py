@@ -12,7 +12,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.devices.setup import usb
 from netboard.network import keys
-from netboard.network.protocol.station import StationRequest
+from netboard.network.protocol.station import ProcessStatus, StationReport, StationRequest
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.launching import remote
@@ -87,6 +87,23 @@ def test_station_starts_reports_and_stops_its_processes(both: Both) -> None:
     both.until(lambda: far.processes["left agent"].phase == "stopped")
     assert far.processes["left agent"].code == 0
     assert far.trouble == ""
+
+
+def test_station_keeps_nothing_of_the_last_stop(made: tuple[Config, Config]) -> None:
+    """A process of the second session is not forgotten at once when its station falls silent."""
+    now = 1
+    with sockets.open_context() as context:
+        far = RemoteMachine(made[0], "left", context, lambda: now)
+        status = ProcessStatus("left agent", "running", None, 7, 0.0, 0)
+        far.stop("left agent")  # of which the station knows nothing yet
+        far._take(StationReport("left", "", {}, (status,), {}, ""), now)
+        far.stop("left agent")
+        far.start("left agent")
+        now = int(60e9)
+        far.poll()
+        assert "does not answer" in far.trouble
+        assert far.processes == {"left agent": status}
+        far.close()
 
 
 @pytest.mark.parametrize(

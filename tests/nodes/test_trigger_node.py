@@ -1,7 +1,10 @@
 """The process of a trigger box: pulses at once, a report for each, and a box that is lost and comes back."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import ClassVar
+
+import pytest
 
 from fakes import FakeClock
 from netboard.base.errors import DeviceLost, DeviceNotFound
@@ -11,7 +14,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.triggers import BoxState, InputPulse, PulseReport, Trigger
-from netboard.nodes.trigger.node import RETRY_NS, TriggerNode
+from netboard.nodes.trigger.node import MAX_INPUT_PER_SECOND, RETRY_NS, SECOND_NS, TriggerNode
 
 
 class ControlLine:
@@ -53,10 +56,13 @@ class FragileBox(SimulatedBox):
 class Rig:
     """A node in a session, with a box."""
 
+    boxes: ClassVar[list[FragileBox]] = []
+
     def __init__(self, **settings: object) -> None:
         self.clock = FakeClock()
         self.line = ControlLine(self.clock)
         self.box = FragileBox(Triggers(kind="simulated", **settings))  # type: ignore[arg-type]
+        self.boxes.append(self.box)
         self.node = TriggerNode(self.box, self.line, self.clock)
         self.node.run(self.counted(3))
         self.node = TriggerNode(self.box, self.line, self.clock)
@@ -83,6 +89,13 @@ class Rig:
         found = [message for message in self.line.sent if isinstance(message, kind)]
         self.line.sent = [message for message in self.line.sent if not isinstance(message, kind)]
         return found
+
+
+@pytest.fixture(autouse=True)
+def closed_boxes() -> Iterator[None]:
+    yield
+    while Rig.boxes:
+        Rig.boxes.pop().close()
 
 
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
@@ -124,6 +137,22 @@ def test_pulse_that_comes_back_is_reported_with_its_edge_and_others_as_input() -
     assert pulse.code == 9
 
 
+def test_floating_input_reports_a_few_pulses_a_second_and_counts_the_others(caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig()
+    for _ in range(10):
+        rig.box._ends[1].send(bytes([1] * 15))
+        rig.step()
+    assert len(rig.sent(InputPulse)) == MAX_INPUT_PER_SECOND
+    assert f"after {MAX_INPUT_PER_SECOND} in a second: does the input line float?" in caplog.text
+    rig.receive(Trigger(0, 1, 1, "held", 4))
+    rig.step(6)
+    assert [report.fault for report in rig.sent(PulseReport) if isinstance(report, PulseReport)] == [""]
+    rig.clock.advance(SECOND_NS * 1e-9)
+    rig.box._ends[1].send(b"\x01")
+    rig.step()
+    assert len(rig.sent(InputPulse)) == 1
+
+
 def test_lost_box_fails_its_triggers_in_words_and_is_opened_again() -> None:
     rig = Rig()
     rig.sent(BoxState)
@@ -146,6 +175,7 @@ def test_lost_box_fails_its_triggers_in_words_and_is_opened_again() -> None:
 
 def test_stopped_node_leaves_the_lines_low() -> None:
     rig = Rig()
+    rig.box.close()  # which the node opens again
     rig.line.inbox.append(encode(Trigger(0, 1, 1, "held", 4)))
     rig.node.run(rig.counted(1))
     assert rig.box.lines == 0

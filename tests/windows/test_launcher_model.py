@@ -168,5 +168,8 @@ def test_remembered_choice_reads_back() -> None:
 
 
 def test_form_says_that_comments_are_lost() -> None:
-    assert keeps_all("[network]\nport = 6000\n", "rig.toml") == ""
-    assert keeps_all("# ours\n", "rig.toml") == "rig.toml has comments, which stay only in rig.toml.bak"
+    assert keeps_all("[network]\nport = 6000\n", "rig.toml", "rig.toml.bak") == ""
+    assert (
+        keeps_all("# ours\n", "a/rig.toml", "rig.toml.bak")
+        == "a/rig.toml had comments, which stay only in rig.toml.bak"
+    )

@@ -59,7 +59,9 @@ def test_session_starts_by_itself_when_it_is_prepared_and_stops_in_order(control
     control.start()
     control.choose(SessionChoice("rig.toml", dyad=9))
     assert control.choice.dyad == 1
-    assert "A session is running already; stop it first (F4).\nA session is running: the choice is for" in said(control)
+    assert "A session is running already; stop it first (F4).\nA session is running, and keeps its choice" in said(
+        control
+    )
     control.end("console")
     until(control, lambda: control.processes["console"].phase == "stopped")
     assert control.stage is LaunchStage.RUNNING
@@ -131,6 +133,31 @@ def test_another_choice_ends_no_task_and_changes_the_commands(control: LauncherC
     assert "--dyad 5" in control.command_line("server")
     control.end("check")
     until(control, lambda: control.processes["check"].phase == "stopped")
+
+
+def test_start_reads_the_files_again(control: LauncherControl) -> None:
+    """The processes do so, too: an emergency stop must reach their server."""
+    port = free_port()
+    Path("rig.toml").write_text(f'[network]\nport = {port}\n[triggers]\nkind = "simulated"\n')
+    control.start()
+    assert control.config.network.port == port
+    assert "trigger" in control.places
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    control.emergency_stop()
+    control.end_all()
+    assert control._stop_ns == 0  # it is not sent to the server of the next session
+    Path("rig.toml").write_text("[network]\nport = 80\n")
+    control.start()
+    assert control.stage is LaunchStage.IDLE
+    assert "[network] port: found 80" in said(control)
+
+
+def test_stopping_reaches_a_task_whose_side_another_choice_has_moved(control: LauncherControl) -> None:
+    assert control.run("left device test")
+    Path("far.toml").write_text(Path("rig.toml").read_text() + '[stations]\nleft = "127.0.0.1"\n')
+    control.choose(SessionChoice("far.toml"))
+    control.stop()
+    until(control, lambda: control.processes["left device test"].phase == "stopped")
 
 
 def test_each_analysis_has_a_folder_of_its_own(control: LauncherControl) -> None:
@@ -241,6 +268,46 @@ def test_study_is_checked_as_it_is_written_and_saved_only_if_valid(window, contr
     press(window, "Ctrl+S")
     assert control.choice.study == "study.toml"
     assert control.problem == ""
+
+
+def test_backups_of_a_rig_are_all_kept(window) -> None:
+    original = "# ours\n" + Path("rig.toml").read_text()
+    Path("rig.toml").write_text(original)
+    window.rig.load("rig.toml")
+    press(window, "Ctrl+2")
+    press(window, "Ctrl+S")
+    assert window.rig.problem.text() == "rig.toml had comments, which stay only in rig.toml.bak"
+    written = Path("rig.toml").read_text()
+    press(window, "Ctrl+S")
+    assert Path("rig.toml.bak").read_text() == original
+    assert Path("rig.toml.bak.2").read_text() == written
+
+
+def test_rig_that_cannot_be_read_is_not_overwritten(window) -> None:
+    Path("rig.toml").write_text("[block]\ntrails = 3\n")
+    window.rig.load("rig.toml")
+    press(window, "Ctrl+2")
+    press(window, "Ctrl+S")
+    assert Path("rig.toml").read_text() == "[block]\ntrails = 3\n"
+    assert "rig.toml: exists already, and is not the file that is shown here" in window.rig.problem.text()
+
+
+def test_study_that_is_not_shown_is_not_overwritten(window) -> None:
+    from netboard.task.studies import library
+
+    Path("study.toml").write_text("# the only copy\n")
+    press(window, "Ctrl+3")
+    press(window, "Ctrl+S")
+    assert Path("study.toml").read_text() == "# the only copy\n"
+    assert "study.toml: exists already" in window.study.problem.text()
+    Path("own.toml").write_text(library.text_of("pilot"))
+    window.study.load("own.toml")
+    window.study.editor.appendPlainText("# mine")
+    press(window, "Ctrl+S")
+    assert Path("own.toml").read_text().endswith("# mine")
+    window.study._begin("paper")
+    press(window, "Ctrl+S")
+    assert Path("own.toml").read_text().endswith("# mine")
 
 
 def test_choice_is_taken_from_the_form(window, control: LauncherControl) -> None:

@@ -70,11 +70,13 @@ class RemoteMachine:
 
     def start(self, name: str) -> None:
         """Ask the station to start a process, unless it runs."""
+        self._stopped_ns = 0
         self._ask(StationRequest("start", name))
 
     def stop(self, name: str) -> None:
-        """Ask the station to stop a process."""
-        if self._statuses[name].phase == "running":
+        """Ask the station to stop a process, if it runs."""
+        status = self._statuses.get(name)
+        if status is not None and status.phase == "running":
             self._stopped_ns = self._stopped_ns or self._clock_ns()
             self._ask(StationRequest("stop", name))
 

@@ -1,8 +1,9 @@
 """The processes of a session over its machines: started in order, watched, and stopped in order.
 
 Rules: a process that fails is named with the end of its log. One that rejoins a session (agent, display, logger) is
-started again, as by the systemd units. The end of the server is the end of the session. All else goes on: what the
-session lacks, server and console say. Nothing here waits; `LaunchedSession.poll` is called ten times a second.
+started again, as by the systemd units, also if it vanished with a station that was restarted. The end of the server is
+the end of the session. All else goes on: what the session lacks, server and console say. Nothing here waits;
+`LaunchedSession.poll` is called ten times a second.
 """
 
 import time
@@ -34,12 +35,14 @@ class UnaskedEnd:
     """A process that has ended without being asked to, and what follows."""
 
     name: str
-    status: ProcessStatus
+    status: ProcessStatus  # its code is None if its machine knows it no more
     log: tuple[str, ...]  # its last lines
     consequence: str
 
     def __str__(self) -> str:
-        return f"{EndedProcess(self.name, self.status.code or 0, '')}; {self.consequence}"
+        if self.status.code is None:
+            return f"the {self.name} is gone, as if its station was restarted; {self.consequence}"
+        return f"{EndedProcess(self.name, self.status.code, '')}; {self.consequence}"
 
     @property
     def failed(self) -> bool:
@@ -63,6 +66,7 @@ class LaunchedSession:
     broken: set[str] = field(default_factory=set)  # processes that have failed, and do not run again
     stopping: bool = False
     _again_at: dict[str, float] = field(default_factory=dict)
+    _running: dict[str, ProcessStatus] = field(default_factory=dict)  # as of the last poll
     _handled: dict[str, int] = field(default_factory=dict)  # process id of each end that was reported
 
     def start(self) -> None:
@@ -79,6 +83,7 @@ class LaunchedSession:
     def stop(self) -> None:
         """Ask all processes to stop, in order; `poll` then asks the next ones when the first have ended."""
         self.stopping = True
+        self.broken |= set(self._again_at)
         self._again_at.clear()
 
     def hurry(self) -> None:
@@ -91,7 +96,7 @@ class LaunchedSession:
         for machine in self.machines.values():
             machine.poll()
         for name in self.places:
-            status = self.status(name)
+            status = self._last_status(name)
             if status is not None and status.phase == "ended" and self._handled.get(name) != status.process_id:
                 self._handled[name] = status.process_id
                 if not self.stopping:
@@ -118,13 +123,25 @@ class LaunchedSession:
         """Whether it was stopped and no process is left."""
         return self.stopping and not self.running
 
+    def _last_status(self, name: str) -> ProcessStatus | None:
+        """Return how a process is; one that ran and that its machine, which answers, knows no more has ended."""
+        status, before = self.status(name), self._running.pop(name, None)
+        if status is not None and status.phase in ("running", "stopping"):
+            self._running[name] = status
+        if status is not None or before is None:
+            return status
+        if self.machines[self.places[name]].trouble:
+            self._running[name] = before  # its machine is silent: nothing is known
+            return None
+        return before._replace(phase="ended", code=None)
+
     def _end(self, name: str, status: ProcessStatus) -> None:
         """Decide what follows from the end of a process, and report it."""
         kind = name.rpartition(" ")[2]
         failed = status.code != 0
         self.failures[name] = self.failures.get(name, 0) + failed
         may_rejoin = kind in REJOINING and failed and status.code != WRONG_USAGE
-        if kind == "server" or status.code == WRONG_USAGE:
+        if kind == "server":
             consequence = "stopping all others"
             self.stop()
         elif may_rejoin and self.failures[name] <= MAX_FAILURES:

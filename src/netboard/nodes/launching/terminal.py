@@ -96,7 +96,9 @@ def run(launch: Launch, stopping: Callable[[], bool], console: Console) -> int:
     failed = failures(session)
     for name, status in failed.items():
         where = local.log_of(name) if places[name] == HERE else f"its log is at the {places[name]}"
-        say("failed", f"{EndedProcess(name, status.code or 0, '')}: {where}")
+        lost = f"the {name} was not started, or its station did not answer"
+        words = lost if status is None else str(EndedProcess(name, status.code or 0, ""))
+        say("failed", f"{words}: {where}")
     return 1 if failed else 0
 
 
@@ -143,14 +145,12 @@ def end(session: LaunchedSession, say: Callable[[str, str], object]) -> None:
             session.hurry()
 
 
-def failures(session: LaunchedSession) -> dict[str, ProcessStatus]:
-    """Return the processes that have failed, and those that did not end cleanly."""
-    found = {}
+def failures(session: LaunchedSession) -> dict[str, ProcessStatus | None]:
+    """Return the processes that have failed, did not end cleanly, or (None) of which no machine knows."""
+    found: dict[str, ProcessStatus | None] = {}
     for name in session.places:
         status = session.status(name)
-        if status is None:
-            continue
-        unclean = status.phase == "stopped" and status.code not in (0, supervision.terminated)
+        unclean = status is None or (status.phase == "stopped" and status.code not in (0, supervision.terminated))
         if name in session.broken or unclean:
             found[name] = status
     return found

@@ -26,8 +26,10 @@ log = logging.getLogger(__name__)
 RETRY_NS = 1_000_000_000
 """Interval at which a box that is not there is looked for [ns]."""
 
-MAX_INPUT_AT_ONCE = 16
-"""Input pulses reported at once; a line that floats gives thousands [1]."""
+MAX_INPUT_PER_SECOND = 20
+"""Input pulses reported in a second; a line that floats gives thousands, and must not crowd out other reports [1]."""
+
+SECOND_NS = 1_000_000_000
 
 
 class TriggerLink:
@@ -67,7 +69,8 @@ class TriggerNode:
         self._received: dict[int, int] = {}  # when each trigger that is not reported yet was received [ns]
         self._open = False
         self._trouble = "not opened yet"
-        self._retry_ns = clock()
+        self._retry_ns = self._second_ns = clock()
+        self._reported_inputs = 0  # since the beginning of this second
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve triggers until stopped; the lines are low afterwards."""
@@ -123,12 +126,22 @@ class TriggerNode:
         """Read the input: the edge of a pulse, or a pulse of another machine."""
         found = bytearray()
         self._try(lambda: found.extend(self._box.read()))
-        for code in found[:MAX_INPUT_AT_ONCE]:
+        for code in found:
             time_ns = self._clock()
             if not self._pulses.edge(time_ns):
-                self._server.send(InputPulse(code, time_ns))
-        if len(found) > MAX_INPUT_AT_ONCE:
-            self._server.problems.log(f"{len(found)} input pulses at once: does the input line float?")
+                self._report_input(InputPulse(code, time_ns))
+
+    def _report_input(self, pulse: InputPulse) -> None:
+        """Send a pulse of another machine, or only count it if there were too many in this second."""
+        if pulse.time_ns - self._second_ns >= SECOND_NS:
+            self._second_ns, self._reported_inputs = pulse.time_ns, 0
+        if self._reported_inputs < MAX_INPUT_PER_SECOND:
+            self._reported_inputs += 1
+            self._server.send(pulse)
+        else:
+            self._server.problems.log(
+                f"an input pulse was not reported, after {MAX_INPUT_PER_SECOND} in a second: does the input line float?"
+            )
 
     def _report(self) -> None:
         done, self._pulses.done = self._pulses.done, []

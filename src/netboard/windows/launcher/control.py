@@ -102,9 +102,9 @@ class LauncherControl:
     # --- the choice ----------------------------------------------------------------------------------------------
 
     def choose(self, choice: SessionChoice) -> None:
-        """Take a choice, and find out whether it can be started; while a session runs, only the next one changes."""
+        """Take a choice, and find out whether it can be started; refused while a session runs."""
         if self.stage is not LaunchStage.IDLE:
-            self.say("A session is running: the choice is for the next one.", stays=True)
+            self.say("A session is running, and keeps its choice; choose again when it has ended.", stays=True)
             return
         self.choice, self.problem, self.study = choice, "", None
         try:
@@ -163,7 +163,9 @@ class LauncherControl:
         """Create what is missing; the session then starts by itself."""
         if self.stage is not LaunchStage.IDLE:
             self.say("A session is running already; stop it first (F4).", stays=True)
-        elif self.problem:
+            return
+        self.choose(self.choice)  # the files may have changed since, and the processes read them now
+        if self.problem:
             self.say(self.problem, stays=True)
         elif self.run(PREPARATION):
             self.stage = LaunchStage.PREPARING
@@ -191,7 +193,7 @@ class LauncherControl:
         if status is None or status.phase != "running":
             self.say(f"The {name} does not run.", stays=False)
             return
-        self._machine_of(name).stop(name)
+        self._ask_to_stop(name)
         self.say(f"{name} was asked to stop", stays=False)
 
     def stop(self) -> None:
@@ -200,7 +202,7 @@ class LauncherControl:
             self._session.hurry()
         for name, status in self.processes.items():
             if name not in self.places and status.phase == "running":
-                self._machine_of(name).stop(name)
+                self._ask_to_stop(name)
         if self._session is not None:
             self._session.stop()
             self.stage = LaunchStage.STOPPING
@@ -344,6 +346,12 @@ class LauncherControl:
             self._local = LocalMachine(self.commands(), self._launcher(folder, UNBUFFERED))
         return self._local
 
+    def _ask_to_stop(self, name: str) -> None:
+        """Ask a process to stop where it runs, which another choice may have changed since."""
+        for machine in self._machines.values():
+            if name in machine.processes:
+                machine.stop(name)
+
     def _after_preparation(self) -> None:
         """Start the session when its preparation has succeeded."""
         status = self.processes[PREPARATION]
@@ -419,6 +427,7 @@ class LauncherControl:
         if self._operator is not None:
             self._operator.leave()
             self._operator = None
+            self._stop_ns = 0  # an unconfirmed stop is not for the server of the next session
 
     def _forget_stations(self) -> None:
         for station in self._stations.values():

@@ -16,12 +16,13 @@ from PySide6.QtWidgets import (
 )
 
 from netboard.base.config import parse
-from netboard.base.errors import ConfigError, NetboardError, writing
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.files.text import read_text
 from netboard.task.plans.plan import plan_of
 from netboard.task.studies import library
 from netboard.task.studies.study import Study, parse_study
 from netboard.windows.launcher.control import LauncherMemory, SessionChoice
+from netboard.windows.launcher.saving import EditedFile, back_up, free_backup
 from netboard.windows.launcher.settings_form import (
     FormField,
     changed_text,
@@ -76,6 +77,7 @@ class RigPage(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.text = ""
+        self._file = EditedFile()
         self.path = QLineEdit()
         self.path.setPlaceholderText("file of the rig, such as rig.toml")
         self.tables = QComboBox()
@@ -96,9 +98,11 @@ class RigPage(QWidget):
     def load(self, path: str) -> None:
         """Show the settings of a file; an empty path has the defaults."""
         self.path.setText(path)
+        self._file.show(None)
         try:
             self.text = read_text(Path(path), "no such file yet") if path else ""
             parse(self.text, path or "the defaults")
+            self._file.show(Path(path) if path else None)
             self.problem.setText("")
         except ConfigError as error:
             self.text = ""
@@ -106,18 +110,20 @@ class RigPage(QWidget):
         self._show()
 
     def save(self) -> None:
-        """Write the file, and keep the old one as .bak."""
+        """Write the file, and keep the old one as a backup."""
         path = Path(self.path.text().strip() or "rig.toml")
+        lost = ""
         try:
-            with writing(path, NetboardError):
-                if path.exists():
-                    old = path.read_text(encoding="utf-8")
-                    path.with_name(f"{path.name}.bak").write_text(old, encoding="utf-8")
-                    self.problem.setText(keeps_all(old, str(path)))
-                path.write_text(self.text, encoding="utf-8")
+            self._file.refuse_others(path)
+            if path.exists():
+                old = read_text(path, "no such file")
+                lost = keeps_all(old, str(path), free_backup(path).name)
+                back_up(path, old)
+            self._file.save(path, self.text)
         except NetboardError as error:
             self.problem.setText(str(error))
             return
+        self.problem.setText(lost)
         self.path.setText(str(path))
         self.saved.emit(str(path))
 
@@ -142,6 +148,7 @@ class StudyPage(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
+        self._file = EditedFile()
         self.start_from = QComboBox()
         self.start_from.addItems(["start from ...", library.TEMPLATE, *library.names()])
         self.path = QLineEdit("study.toml")
@@ -159,10 +166,12 @@ class StudyPage(QWidget):
 
     def load(self, study: str) -> None:
         """Show a study's text."""
+        self._file.show(None)
         try:
             named = study in library.names()
             self.editor.setPlainText(library.text_of(study) if named else read_text(Path(study), "no such study"))
             self.path.setText("study.toml" if named else study)
+            self._file.show(None if named else Path(study))
         except ConfigError as error:
             self.problem.setText(str(error))
 
@@ -172,8 +181,7 @@ class StudyPage(QWidget):
         if self._check() is None:
             return
         try:
-            with writing(path, NetboardError):
-                path.write_text(self.editor.toPlainText(), encoding="utf-8")
+            self._file.save(path, self.editor.toPlainText())
         except NetboardError as error:
             self.problem.setText(str(error))
             return
@@ -182,6 +190,7 @@ class StudyPage(QWidget):
     def _begin(self, name: str) -> None:
         if name in (library.TEMPLATE, *library.names()):
             self.editor.setPlainText(library.text_of(name))
+            self._file.show(None)
 
     def _check(self) -> Study | None:
         """Check the text; show its problems, or the blocks of the first dyad."""

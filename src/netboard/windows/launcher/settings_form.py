@@ -118,11 +118,11 @@ def checked(cls: type[T], text: str, source: str, overrides: tuple[str, ...] = (
     return read(TypeAdapter(cls), cls, text, source, overrides)
 
 
-def keeps_all(text: str, source: str) -> str:
+def keeps_all(text: str, source: str, backup: str) -> str:
     """Return what is lost if a form rewrites a file: its comments; empty if nothing is."""
     try:
         comments = len(re.findall(r"^\s*#|\s#\s", text, re.MULTILINE))
         tomllib.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: not valid TOML: {error}") from None
-    return f"{source} has comments, which stay only in {source}.bak" if comments else ""
+    return f"{source} had comments, which stay only in {backup}" if comments else ""

@@ -149,9 +149,10 @@ class LauncherWindow(StyledWindow):
 
     def choose(self, choice: SessionChoice) -> None:
         """Take a choice, and remember it."""
-        if choice.rig != self.control.choice.rig:
-            self.rig.load(choice.rig)
+        before = self.control.choice.rig
         self.control.choose(choice)
+        if self.control.choice.rig != before:
+            self.rig.load(self.control.choice.rig)
         self._remember(self.control.choice)
 
     def ask_again(self) -> bool:
