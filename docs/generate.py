@@ -426,8 +426,10 @@ POWER = ("about", "power", "false-positives", "precision")
 INFORMATION = ("scenes", "models", "hands", "skills", "acquaintance")
 """Those of `make evidence ARGS=information`."""
 
-PARTICIPANTS = ("others", "predictions", "posterior", "order", "ablations", "slowing", "rest")
-"""Those of `make evidence ARGS=participants`."""
+PARTICIPANTS = ("predictions", "order", "models", "ablations", "differences")
+PARTICIPANTS_MODEL = ("others", "rest")
+PARTICIPANTS_FIT = ("posterior", "posterior-models", "posterior-differences")
+"""Those of `make evidence ARGS=participants`, by page."""
 
 PARTNERS = ("performance", "coordination", "haptics")
 """Those of `make evidence ARGS=partners`."""
@@ -470,18 +472,26 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "loop in short": ("../README.md", loop_in_short),
     "soak machine": ("explanation/latency.md", study_machine("soak")),
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
-    "participant parameters": ("explanation/participants.md", participant_parameters),
-    "partner models": ("explanation/participants.md", partner_models),
-    "device models": ("explanation/participants.md", device_models),
+    "participant parameters": ("explanation/participants-model.md", participant_parameters),
+    "partner models": ("explanation/participants-model.md", partner_models),
+    "device models": ("explanation/participants-model.md", device_models),
     "participants machine": ("explanation/participants.md", study_machine("participants")),
     **{
-        f"participants {name}": ("explanation/participants.md", study_part("participants", name))
-        for name in PARTICIPANTS
+        f"participants {name}": (f"explanation/{page}.md", study_part("participants", name))
+        for page, names in {
+            "participants": PARTICIPANTS,
+            "participants-model": PARTICIPANTS_MODEL,
+            "participants-fit": PARTICIPANTS_FIT,
+        }.items()
+        for name in names
     },
-    "rehearsals machine": ("explanation/participants.md", study_machine("rehearsals")),
-    "rehearsals speed": ("explanation/participants.md", study_part("rehearsals", "speed")),
-    **{f"fit {name}": ("explanation/participants.md", study_part("fit", name)) for name in FIT},
-    **{f"information {name}": ("explanation/participants.md", study_part("information", name)) for name in INFORMATION},
+    "rehearsals machine": ("how-to/rehearse.md", study_machine("rehearsals")),
+    "rehearsals speed": ("how-to/rehearse.md", study_part("rehearsals", "speed")),
+    **{f"fit {name}": ("explanation/participants-fit.md", study_part("fit", name)) for name in FIT},
+    **{
+        f"information {name}": ("explanation/participants-information.md", study_part("information", name))
+        for name in INFORMATION
+    },
     "trigger codes": ("how-to/triggers.md", trigger_codes),
     "triggers machine": ("how-to/triggers.md", study_machine("triggers")),
     "triggers-latency": ("how-to/triggers.md", study_part("triggers", "latency")),

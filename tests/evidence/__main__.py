@@ -148,13 +148,11 @@ def files(options: "Options") -> int:
     return hostile_files.main(options)
 
 
-@benchmark(app, 'make evidence ARGS="participants --studies 200"')
+@benchmark(app, 'make evidence ARGS="participants --studies 16"')
 def participants(
     options: "Options",
-    studies: Annotated[int, typer.Option(min=1, metavar="N", help="Virtual studies of four dyads.")] = 200,
-    dyads: Annotated[
-        int | None,
-        typer.Option(min=4, metavar="N", help="Dyads from which the studies are drawn, a multiple of 4; default: 32."),
+    studies: Annotated[
+        int | None, typer.Option(min=2, metavar="N", help="Virtual studies of four dyads; default: 48.")
     ] = None,
     workers: Workers = None,
 ) -> None:
@@ -162,7 +160,7 @@ def participants(
     from evidence.participants.bench import study
     from netboard.benchmarks.harness.running import run
 
-    run("participants", partial(study, studies, dyads, workers), options)
+    run("participants", partial(study, studies, workers), options)
 
 
 @benchmark(app, 'make evidence ARGS="information --quick"')

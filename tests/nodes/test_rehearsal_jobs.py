@@ -23,7 +23,7 @@ def blocks() -> list[Config]:
 def test_simulated_participants_depend_on_the_dyad() -> None:
     one, two = (jobs_of(blocks(), 1, dyad, None) for dyad in (1, 2))
     assert [one[1].people[letter] for letter in "AB"] == [
-        replace(one[0].people[letter], practice=1.0, acquaintance=1.0) for letter in "AB"
+        replace(one[0].people[letter], practice=1.0, acquaintance=1.0, felt_trials=1.0) for letter in "AB"
     ]
     assert one[0].people != two[0].people
     assert rehearse(one[0]).ticks != rehearse(two[0]).ticks

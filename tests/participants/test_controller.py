@@ -165,6 +165,21 @@ def test_each_attempt_counts_as_practice() -> None:
     assert factors == pytest.approx([3.0 ** np.exp(-n / 2.0) for n in range(4)])
 
 
+@pytest.mark.parametrize(("felt", "understood"), [(0.1, [0.0, 1.0, 2.0]), (None, [0.0, 0.0, 0.0])])
+def test_reading_of_a_force_is_learned_in_trials_with_it(felt: float | None, understood: list[float]) -> None:
+    """The share that is understood in an attempt follows from the earlier attempts in which the force was felt."""
+    person = replace(NOISELESS, stranger=3.0, acquaintance=0.0, felt_trials=0.0, learning_trials=2.0)
+    controller = make(("left",), person)
+    known, read = [], []
+    for attempt in range(3):
+        for phase in ("levelling", "running"):
+            moves_of(controller, scene(phase, p=0.15), 1.0, 2.0 * attempt + (phase == "running"), felt)
+        known.append(float(controller.state["strangeness"][0]))
+        read.append(float(controller.state["reading"][0]))
+    assert known == pytest.approx([3.0 ** np.exp(-n / 2.0) for n in range(3)])
+    assert read == pytest.approx([1.0 - np.exp(-n / 2.0) for n in understood])
+
+
 def after_movements(rate: float, share: float, movements: int) -> float:
     """Return the mirror share learned after movements that the partner mirrored by `share`."""
     controller = make(("right",), replace(NOISELESS, mirror_rate=rate))

@@ -84,7 +84,7 @@ def test_an_agent_and_a_rehearsal_make_the_same_decisions(model: PartnerModel) -
         if tick > 0 and is_shown(seat.timing, tick - 1):
             glimpse(seat.curtain[0], words[tick - 1], numbers[tick - 1], float(time_ns) * 1e-9, seen[0])
         if tick % DECISION_TICKS == 0:
-            scale = scale_in(seat, words[tick])
+            scale = scale_in(seat, int(rows["trial"][tick]), int(rows["phase"][tick]))
             live.decide(float(time_ns) * 1e-9, shown(seen[0]), rendered[tick] / scale if scale != 0.0 else None)
     assert live.state.tobytes() == seat.state["brain"].tobytes()
     assert (live.state["observed"]["count"][0] > 0) == (model in INFORMED)

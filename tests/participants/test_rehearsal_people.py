@@ -52,14 +52,22 @@ def test_practice_counts_the_trials_of_earlier_own_blocks() -> None:
     people = list(people_of(blocks(), 1, 1))
     assert [block_people["A"].practice for block_people in people] == [0, 10, 10, 40]
     assert [block_people["B"].practice for block_people in people] == [0, 0, 20, 50]
-    assert {replace(block_people["A"], practice=0, acquaintance=0) for block_people in people} == {
-        replace(person_of(Participant(), 1, 1, "A"), practice=0, acquaintance=0)
+    assert {replace(block_people["A"], practice=0, acquaintance=0, felt_trials=0) for block_people in people} == {
+        replace(person_of(Participant(), 1, 1, "A"), practice=0, acquaintance=0, felt_trials=0)
     }
 
 
 def test_acquaintance_counts_the_dyadic_trials_before() -> None:
     for letter in "AB":
         assert [block_people[letter].acquaintance for block_people in people_of(blocks(), 1, 1)] == [0, 0, 0, 30]
+
+
+@pytest.mark.parametrize(("force", "felt"), [("full", 30), ("none", 0), ("environment_only", 0)])
+def test_only_trials_with_the_full_force_teach_to_read_it(force: str, felt: int) -> None:
+    plan = [replace(config, block=replace(config.block, force=force)) for config in blocks()]
+    people = list(people_of(plan, 1, 1))
+    assert [one["A"].felt_trials for one in people] == [0, 0, 0, felt]
+    assert people[3]["A"].acquaintance == 30
 
 
 def test_configured_practice_is_kept() -> None:

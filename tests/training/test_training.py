@@ -1,6 +1,7 @@
 """Training where its libraries are installed: very short, resumed with the same bits, and evaluated."""
 
 import json
+from math import isnan, nan
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,9 @@ from netboard.participants.robots.learned import read_weights
 from netboard.services.cli import app
 from netboard.training.learning import CHECKPOINT, PROGRESS, Training, TrainingRequest
 from netboard.training.population import HELD_OUT, Population
+from netboard.training.selection import RoundPlayed, best_round, play_round
 from netboard.training.session import TrainingSession
+from netboard.training.weights import write_weights
 
 pytestmark = pytest.mark.slow
 
@@ -66,12 +69,29 @@ def test_training_leaves_weights_with_a_card_a_table_and_a_figure(tmp_path: Path
     assert network.sizes == (15, 8, 8, 1)
     assert len(sha256) == 64
     assert network.card["evaluated beside participants that were held out"]["trials"] == found.trials
-    assert len((folder / "curve.csv").read_text().splitlines()) == 1 + SHORT.rounds
+    head, *rounds = (folder / "curve.csv").read_text().splitlines()
+    assert head.endswith("stable_ms,played_seconds")
+    assert len(rounds) == SHORT.rounds
+    kept = network.card["trained on"]["round"]
+    assert read_weights(str(folder / f"round-{kept}.json"))[0].layers[0][0].tolist() == network.layers[0][0].tolist()
     assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(ConfigError, match="has a training already"):
         TrainingSession(SHORT, Config(), "bimanual_off", folder)
     with pytest.raises(ConfigError, match="this training is finished"):
         TrainingSession(SHORT, Config(), "bimanual_off", folder, resume=True)
+
+
+def test_best_round_is_the_fastest_that_is_stable() -> None:
+    assert best_round([RoundPlayed(77, 2.6), RoundPlayed(107, 2.0), RoundPlayed(60, 2.1), RoundPlayed(-1, nan)]) == 2
+    with pytest.raises(ConfigError, match=r"the network of no round steers stably with late views: .* up to -1, 12 ms"):
+        best_round([RoundPlayed(-1, nan), RoundPlayed(12, nan)])
+
+
+def test_an_unstable_round_does_not_play(tmp_path: Path) -> None:
+    write_weights(tmp_path / "round-1.json", made_network(units=(8, 8)))
+    stable_ms, seconds = play_round(tmp_path / "round-1.json", people(), Config())
+    assert stable_ms < 24
+    assert isnan(seconds)
 
 
 def test_participants_to_learn_beside_are_never_held_out() -> None:

@@ -63,10 +63,12 @@ def evaluate(weights: Path | str, people: Sequence[Participant], config: Config,
     total = len(people) * (len(SIDES) + 1)
     own: list[BlockSummary] = []
     pairs: list[BlockSummary] = []
-    for number, block in enumerate(_blocks(weights, people, config, trials)):
-        kind, summary = block
-        (pairs if kind == "pair" else own).append(summary)
-        tell("evaluation", number + 1, total)
+    for summary in beside(weights, people, config, trials):
+        own.append(summary)
+        tell("evaluation", len(own), total)
+    for summary in _pairs(people, config, trials):
+        pairs.append(summary)
+        tell("evaluation", len(own) + len(pairs), total)
     times = [time for block in own for time in block.completions]
     pair_times = [time for block in pairs for time in block.completions]
     return Evaluation(
@@ -82,15 +84,18 @@ def evaluate(weights: Path | str, people: Sequence[Participant], config: Config,
     )
 
 
-def _blocks(
-    weights: Path | str, people: Sequence[Participant], config: Config, trials: int
-) -> Iterator[tuple[str, BlockSummary]]:
-    """Play each block."""
+def beside(weights: Path | str, people: Sequence[Participant], config: Config, trials: int) -> Iterator[BlockSummary]:
+    """Play blocks of some trials beside each participant, with the partner at each side."""
+    for place, person in enumerate(people):
+        for side in SIDES:
+            yield _played(seated(config, side, weights, trials, place + 1), person, person)
+
+
+def _pairs(people: Sequence[Participant], config: Config, trials: int) -> Iterator[BlockSummary]:
+    """Play a block of each participant and the next one."""
     for place, person in enumerate(people):
         other = people[(place + 1) % len(people)]
-        for side in SIDES:
-            yield side, _played(_seated(config, side, weights, trials, place + 1), person, person)
-        yield "pair", _played(_block(config, "person", "person", trials, place + 1), person, other)
+        yield _played(_block(config, "person", "person", trials, place + 1), person, other)
 
 
 def _block(config: Config, left: str, right: str, trials: int, seed: int) -> Config:
@@ -99,7 +104,7 @@ def _block(config: Config, left: str, right: str, trials: int, seed: int) -> Con
     return replace(config, block=block)
 
 
-def _seated(config: Config, side: Side, weights: Path | str, trials: int, seed: int) -> Config:
+def seated(config: Config, side: Side, weights: Path | str, trials: int, seed: int) -> Config:
     """Return a block in which a learned partner has a seat."""
     options: Options = {"weights": str(weights)}
     if side == "left":
@@ -120,6 +125,13 @@ def _played(config: Config, one: Participant, other: Participant) -> BlockSummar
 def _attempts(blocks: Sequence[BlockSummary]) -> int:
     """Return the attempts of some blocks: a block that was given up ends within one."""
     return sum(len(block.completions) + block.failures + block.given_up for block in blocks)
+
+
+def mean_with_misses(blocks: Sequence[BlockSummary]) -> float:
+    """Return the mean completion time of all attempts; one that was not completed in time counts `LONGEST` [s]."""
+    times = [min(time, LONGEST) for block in blocks for time in block.completions]
+    attempts = _attempts(blocks)
+    return (sum(times) + LONGEST * (attempts - len(times))) / attempts
 
 
 def _finished(blocks: Sequence[BlockSummary]) -> float:

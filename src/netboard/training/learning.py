@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import monotonic, process_time
-from typing import Any
 
 import numpy as np
 import torch
@@ -28,6 +27,7 @@ from netboard.base.tables.simulated import Participant
 from netboard.participants.robots.network import TrainedNetwork
 from netboard.training.boards import PopulationBoards, relaxed
 from netboard.training.warm_start import imitate, samples_of, teacher_of
+from netboard.training.weights import weights_of_round, write_weights
 
 CHECKPOINT, PROGRESS = "checkpoint.pt", "progress.json"
 """Files of a checkpoint: the weights and the state of the optimiser, and the learning curve so far."""
@@ -163,19 +163,20 @@ class Training:
             wall_seconds=monotonic() - wall + (before.wall_seconds if before else 0.0),
         )
 
-    def network(self, card: dict[str, Any] | None = None) -> TrainedNetwork:
-        """Return the network as it is now, with a card."""
+    def network(self) -> TrainedNetwork:
+        """Return the network as it is now."""
         policy = self._model.policy
         layers = [policy.mlp_extractor.policy_net[0], policy.mlp_extractor.policy_net[2], policy.action_net]
         arrays = [
             (layer.weight.detach().numpy().T.astype(np.float64), layer.bias.detach().numpy().astype(np.float64))
             for layer in layers
         ]
-        return TrainedNetwork(tuple(arrays), card or {})
+        return TrainedNetwork(tuple(arrays), {})
 
     def _save(self) -> None:
-        """Write a checkpoint."""
+        """Write the weights of the round, and a checkpoint."""
         policy = self._model.policy
+        write_weights(weights_of_round(self._folder, len(self.curve)), self.network(), force=True)
         with new_file(self._folder / CHECKPOINT, force=True) as part:
             torch.save({"policy": policy.state_dict(), "optimizer": policy.optimizer.state_dict()}, part)
         progress = {"request": asdict(self.request), "curve": [asdict(one) for one in self.curve]}

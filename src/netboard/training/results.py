@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from netboard.base.files.cells import CsvWriter
 from netboard.base.files.figure import save_figure
 from netboard.base.files.new import new_file
-from netboard.participants.robots.learned import INPUTS, PERIOD
-from netboard.participants.robots.network import TrainedNetwork
 from netboard.training.evaluation import Evaluation
 from netboard.training.learning import TrainingRequest, TrainingRound
+from netboard.training.selection import RoundPlayed
 
-WEIGHTS, CURVE, FIGURE = "weights.json", "curve.csv", "curve.png"
-"""Files of the results."""
+CURVE, FIGURE = "curve.csv", "curve.png"
+"""Files of the learning curve."""
 
 NOT_FOR = (
     "It learned beside simulated participants on simulated devices only. It has been tried beside no person and on no "
@@ -27,30 +26,27 @@ NOT_FOR = (
 
 
 def card_of(
-    request: TrainingRequest, learned: dict[str, Any], curve: Sequence[TrainingRound], evaluation: Evaluation
+    request: TrainingRequest, learned: dict[str, Any], kept: TrainingRound, cpu_seconds: float, evaluation: Evaluation
 ) -> dict[str, Any]:
-    """Return the card of a partner; ``learned``: beside whom, and with what it was trained."""
-    last = curve[-1]
+    """Return the card of a partner.
+
+    ``learned``: beside whom, and with what it was trained; ``kept``: the round whose weights it has; ``cpu_seconds``:
+    of the whole training [s].
+    """
     return {
-        "trained on": learned | {"algorithm": "PPO", "steps": last.steps} | asdict(request),
-        "cpu seconds": round(last.cpu_seconds, 1),
+        "trained on": learned | {"algorithm": "PPO", "round": kept.round, "steps": kept.steps} | asdict(request),
+        "cpu seconds": round(cpu_seconds, 1),
         "evaluated beside participants that were held out": evaluation.as_dict(),
         "not to be used for": NOT_FOR,
     }
 
 
-def write_weights(path: Path, network: TrainedNetwork, *, force: bool = False) -> None:
-    """Write a file of weights."""
-    with new_file(path, force=force) as part:
-        part.write_text(network.text(INPUTS, PERIOD), encoding="utf-8")
-
-
-def write_curve(folder: Path, curve: Sequence[TrainingRound]) -> None:
-    """Write the learning curve as a table and as a figure."""
+def write_curve(folder: Path, curve: Sequence[TrainingRound], played: Sequence[RoundPlayed]) -> None:
+    """Write the learning curve, and how the network of each round plays, as a table; the curve as a figure, too."""
     with new_file(folder / CURVE, force=True) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = CsvWriter(file)
-        writer.row(field.name for field in fields(TrainingRound))
-        writer.rows(asdict(one).values() for one in curve)
+        writer.row((*(field.name for field in fields(TrainingRound)), *RoundPlayed._fields))
+        writer.rows((*asdict(one).values(), *plays) for one, plays in zip(curve, played, strict=True))
     (folder / FIGURE).unlink(missing_ok=True)
     save_figure(figure_of({"": curve}), folder / FIGURE, 150)
 

@@ -58,6 +58,19 @@ SKILLS = (0.5, 1.0, 1.5, 2.0)
 ACQUAINTANCES = (0.0, 60.0, 120.0, 240.0, 480.0)
 """Numbers of dyadic trials that partners have performed before the block [1]."""
 
+SENSES: dict[str, dict[str, float]] = {
+    "delays 175 and 70 ms, as by default": {},
+    "delays 100 and 50 ms": {"visual_delay": 0.1, "haptic_delay": 0.05, "lookahead": 2.925},
+    "delays 80 and 80 ms": {"visual_delay": 0.08, "haptic_delay": 0.08, "lookahead": 3.40625},
+    **{f"weber_fraction = {level:g}": {"weber_fraction": level} for level in (0.05, 0.2, 0.4, 0.8)},
+    **{f"partner_noise = {level:g}": {"partner_noise": level} for level in (0.1, 0.25, 1.0)},
+    **{f"tilt_noise_deg = {level:g}": {"tilt_noise_deg": level} for level in (0.11, 0.44)},
+}
+"""Changed keys of both participants, for what each of them decides on the worth of a force.
+
+With other visual delays `lookahead` is such that the ball is predicted as far beyond the present.
+"""
+
 _NOISY = ("position_noise", "velocity_noise", "tilt_noise_deg", "amplitude_cv", "threshold_cv")
 
 
@@ -73,11 +86,13 @@ class Case:
     keys: dict[str, dict[str, float]] = field(default_factory=dict)
     skill: float = 1.0
     acquaintance: float | Literal["plan"] = "plan"  # a dyad that knows each other
+    person: dict[str, float] = field(default_factory=dict)
 
     def config(self) -> Config:
         """Return the configuration of the block."""
         base = Config()
-        person = replace(base.participant, partner_model=self.model, practice=PRACTICE, acquaintance=self.acquaintance)
+        together = {"acquaintance": self.acquaintance, "felt_trials": self.acquaintance}
+        person = replace(base.participant, partner_model=self.model, practice=PRACTICE, **together, **self.person)
         changed = {table: replace(getattr(base, table), **values) for table, values in self.keys.items()}
         block = replace(
             base.block, configuration=self.configuration, force=self.force, trials=self.trials, seed=self.dyad
@@ -120,6 +135,7 @@ def study(dyads: int | None, workers: int | None, folder: Folder, tell: Tell, *,
         yield scenes_part(cells, size, trials)
         yield models_part(cells, size, trials)
         yield hands_part(size, trials, pool)
+        yield senses_part(list(SENSES)[::6] if quick else list(SENSES), size, trials, pool, tell)
         yield skills_part(SKILLS[::3] if quick else SKILLS, size, trials, pool, tell)
         yield acquaintance_part(ACQUAINTANCES[::4] if quick else ACQUAINTANCES, size, trials, pool, tell)
 
@@ -243,6 +259,30 @@ def hands_part(dyads: int, trials: int, pool: ProcessPoolExecutor) -> ResultPart
     return part
 
 
+def senses_part(names: Sequence[str], dyads: int, trials: int, pool: ProcessPoolExecutor, tell: Tell) -> ResultPart:
+    """Tabulate how the worth of information depends on what is assumed of senses and partner."""
+    part = ResultPart(
+        "senses",
+        f"Worth of information by what is assumed of senses and partner: {dyads} dyads, {trials} trials in a block",
+        ("changed", "uncertainty of the partner's aim, seen [mm]", "seen and felt [mm]", *_WORTH),
+    )
+    harmed = []
+    for number, name in enumerate(names):
+        tell(name, number / len(names))
+        config = Case("position", 1, trials, person=SENSES[name]).config()
+        known = [1e3 * uncertainty(config.participant, config.physics, config.virtual, way) for way in (False, True)]
+        worth = _worth({"person": SENSES[name]}, dyads, trials, pool)
+        part.add(name, *known, *worth)
+        if worth[3] > 1.0:
+            harmed.append(name)
+    part.claim(
+        "information never makes a dyad slower, whatever the senses, within 95 % confidence",
+        not harmed,
+        ", ".join(harmed) or f"{len(names)} variants",
+    )
+    return part
+
+
 def skills_part(skills: Sequence[float], dyads: int, trials: int, pool: ProcessPoolExecutor, tell: Tell) -> ResultPart:
     """Tabulate the benefit of information by the partner's skill, as Ganesh et al. (2014) did for human pairs."""
     part = ResultPart(
@@ -270,7 +310,8 @@ def acquaintance_part(
     """Tabulate the benefit of information by the dyadic trials that the partners have performed."""
     part = ResultPart(
         "acquaintance",
-        f"Benefit of information by the dyadic trials before the block: {dyads} dyads, {trials} trials in the block",
+        "Benefit of information by the dyadic trials before the block, all with haptic feedback: "
+        f"{dyads} dyads, {trials} trials in the block",
         ("dyadic trials before", "haptics off [s]", *_WORTH),
     )
     harmed = []

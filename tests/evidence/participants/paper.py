@@ -3,6 +3,8 @@
 A statement has a value if the paper prints one, and a direction if it reports one. The paper prints no numbers for
 shares, ellipses and most delays. Its wording is interpreted as in the analysis: first and last trials are counted
 within configuration and haptic condition, both conditions are pooled, and standard deviations are over single trials.
+Delays are searched for within the movement of the board, as the paper more likely did ("Which search?" in
+`docs/reference/measures.md`), and are means over both haptic conditions where the paper does not name one.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,6 +27,9 @@ CONFIGURATIONS: tuple[Configuration, ...] = ("bimanual", "dyadic")
 
 GROUPS = 6
 """Number of groups of trials in a condition; the paper draws an ellipse of each [1]."""
+
+DYADS = 4
+"""Number of dyads of the paper [1]."""
 
 END_SHARE = 1 / 6
 """Share of the first and of the last trials in a condition: 30 of 180 [1]."""
@@ -69,15 +74,28 @@ class Sample:
         share = self._share[self._masks[configuration, None]]
         return self.of(name, configuration)[share <= END_SHARE if which == "first" else share > 1 - END_SHARE]
 
-    def better(self, name: str, haptics: bool) -> int:
-        """Count the dyads that are better than the mean of their two participants alone."""
-        return sum(relative_performance(*self.levels(name, dyad, haptics)).gain > 0 for dyad in self.dyads)
+    def better(self, name: str, haptics: bool, *, alone: bool | None = None) -> int:
+        """Count the dyads that are better than the mean of their two participants alone; ``alone``: as in `levels`."""
+        levels = [self.levels(name, dyad, haptics, alone=alone) for dyad in self.dyads]
+        return sum(relative_performance(*three).gain > 0 for three in levels)
 
-    def levels(self, name: str, dyad: int, haptics: bool) -> tuple[float, float, float]:
-        """Return the means of both participants alone and of the dyad in a haptic condition."""
-        trials = self.rows[(self.rows["dyad"] == dyad) & (self.rows["haptics"] == haptics)]
-        a, b, both = (float(np.mean(trials[name][trials["performer"] == who])) for who in ("A", "B", "dyad"))
+    def levels(self, name: str, dyad: int, haptics: bool, *, alone: bool | None = None) -> tuple[float, float, float]:
+        """Return the means of both participants alone and of the dyad in a haptic condition.
+
+        ``alone``: the haptic condition of the participants alone; by default that of the dyad.
+        """
+        own = haptics if alone is None else alone
+        mine = self.rows[self.rows["dyad"] == dyad]
+        a, b, both = (
+            float(np.mean(mine[name][(mine["performer"] == who) & (mine["haptics"] == on)]))
+            for who, on in (("A", own), ("B", own), ("dyad", haptics))
+        )
         return a, b, both
+
+    def gain(self, name: str, haptics: bool, *, alone: bool | None = None) -> float:
+        """Return the mean over dyads of the logarithm of the dyad's level over the mean of its two participants [1]."""
+        levels = [self.levels(name, dyad, haptics, alone=alone) for dyad in self.dyads]
+        return float(np.mean([np.log(2.0 * both / (a + b)) for a, b, both in levels]))
 
     def haptic_effects(self, configuration: Configuration) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Return for each performer whether haptic feedback was on in the first block, and its effect.
@@ -93,9 +111,15 @@ class Sample:
             effects.append(np.log(on / off))
         return np.array(began_on), np.array(effects)
 
-    def delay(self, configuration: Configuration, haptics: bool, portion: int | None = None) -> float:
-        """Return the mean absolute delay at one portion of the peak, or of all portions [s]."""
-        total, count = (self.of(name, configuration, haptics).sum(axis=0) for name in ("delay", "delays"))
+    def delay(
+        self, configuration: Configuration, haptics: bool, portion: int | None = None, *, back: bool = False
+    ) -> float:
+        """Return the mean absolute delay at one portion of the peak, or of all portions [s].
+
+        ``back``: a side is searched for before the movement of the board, too.
+        """
+        names = ("delay_back", "delays_back") if back else ("delay", "delays")
+        total, count = (self.of(name, configuration, haptics).sum(axis=0) for name in names)
         means = total / np.maximum(count, 1)
         return float(means.mean() if portion is None else means[portion])
 
@@ -121,7 +145,9 @@ class Statement:
 
     - `value`: the printed value; None without one.
     - `sense`: reported direction of the quantity: +1 above zero, -1 below; 0 without one [1].
-    - `adjusted`: whether the last adjustment of the model's parameters used it.
+    - `adjusted`: whether the last adjustment of the default parameters used it.
+    - `fitted`: whether the fit of the posterior used it.
+    - `largest`: the largest value that it can have; None without a limit.
     """
 
     name: str
@@ -129,6 +155,8 @@ class Statement:
     value: float | None = None
     sense: int = 0
     adjusted: bool = False
+    fitted: bool = False
+    largest: float | None = None
 
 
 Quantity = Callable[[Sample], float]
@@ -148,16 +176,16 @@ def _ends() -> Iterator[Statement]:
     """Completion times and numbers of peaks of the first and last trials."""
     labels = {"completion": "completion time [s]", "peaks": "velocity peaks"}
     for name, configuration in product(labels, CONFIGURATIONS):
-        text, adjusted = f"{labels[name]}, {configuration}", configuration == "bimanual"
+        text, alone = f"{labels[name]}, {configuration}", configuration == "bimanual"
         for which in EACH_END:
             printed = reported(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
             mean, spread = (_end(name, configuration, which, of) for of in (np.mean, partial(np.std, ddof=1)))
-            yield Statement(f"{text}, {which} 30", mean, printed.reported, adjusted=adjusted)
+            yield Statement(f"{text}, {which} 30", mean, printed.reported, adjusted=alone, fitted=alone)
             # The adjustment did not use the standard deviation of the peaks.
-            times = adjusted and name == "completion"
-            yield Statement(f"{text}, {which} 30, SD", spread, printed.reported_sd, adjusted=times)
+            times = alone and name == "completion"
+            yield Statement(f"{text}, {which} 30, SD", spread, printed.reported_sd, adjusted=times, fitted=alone)
         learned = _minus(_end(name, configuration, "last"), _end(name, configuration, "first"))
-        yield Statement(f"{text}, last - first", learned, sense=-1, adjusted=adjusted)
+        yield Statement(f"{text}, last - first", learned, sense=-1, adjusted=alone, fitted=alone)
 
 
 def _share(name: str, configuration: Configuration, haptics: bool | None = None) -> Quantity:
@@ -187,7 +215,7 @@ def _dyads() -> Iterator[Statement]:
     for (name, word), on in product((("completion", "faster"), ("peaks", "smoother")), ("on", "off")):
         printed = reported(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").reported
         of = partial(Sample.better, name=name, haptics=on == "on")
-        yield Statement(f"dyads {word} than alone, haptics {on}", of, round(printed))
+        yield Statement(f"dyads {word} than alone, haptics {on}", of, round(printed), largest=DYADS)
 
 
 def _variance(values: NDArray[np.float64]) -> float:
@@ -207,15 +235,21 @@ def _strategies() -> Iterator[Statement]:
         yield Statement(f"{text}, {one}, log(last/first)", of, sense=-1)
 
 
-def _delay(configuration: Configuration, haptics: bool, portion: int | None = None) -> Quantity:
-    return lambda sample: 1e3 * sample.delay(configuration, haptics, portion)
+def _delay(configuration: Configuration, haptics: bool, portion: int | None = None, *, back: bool = False) -> Quantity:
+    return lambda sample: 1e3 * sample.delay(configuration, haptics, portion, back=back)
+
+
+def _pooled_delay(configuration: Configuration, *, back: bool = False) -> Quantity:
+    off, on = (_delay(configuration, haptics, back=back) for haptics in (False, True))
+    return lambda sample: (off(sample) + on(sample)) / 2.0
 
 
 def _delays() -> Iterator[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
     for configuration in reversed(CONFIGURATIONS):
-        value, of = 1e3 * reported(f"delay, {OVER_ALL}", configuration).reported, _delay(configuration, False)
-        yield Statement(f"delay [ms], {configuration}, haptics off", of, value, adjusted=configuration == "bimanual")
+        value, alone = 1e3 * reported(f"delay, {OVER_ALL}", configuration).reported, configuration == "bimanual"
+        of = _pooled_delay(configuration)
+        yield Statement(f"delay [ms], {configuration}", of, value, adjusted=alone, fitted=alone)
         for on in (False, True):
             rising = _minus(_delay(configuration, on, -1), _delay(configuration, on, 0))
             text = f"delay [ms], {configuration}, haptics {'on' if on else 'off'}, 40 % - 10 %"
@@ -239,8 +273,25 @@ def _haptic_time_effect(sample: Sample, configuration: Configuration) -> float:
     return on / off - 1.0
 
 
-EXTRA = tuple(
-    Statement(f"completion time, {one}, haptics on/off - 1", partial(_haptic_time_effect, configuration=one))
-    for one in CONFIGURATIONS
+EXTRA = (
+    *(
+        Statement(f"completion time, {one}, haptics on/off - 1", partial(_haptic_time_effect, configuration=one))
+        for one in CONFIGURATIONS
+    ),
+    *(
+        Statement(
+            f"completion time, log(dyad/alone), haptics {word}", partial(Sample.gain, name="completion", haptics=on)
+        )
+        for word, on in (("on", True), ("off", False))
+    ),
+    Statement(
+        "completion time, log(dyad/alone with haptics off), haptics on",
+        partial(Sample.gain, name="completion", haptics=True, alone=False),
+    ),
+    Statement(
+        "dyads faster than alone with haptics off, haptics on",
+        partial(Sample.better, name="completion", haptics=True, alone=False),
+    ),
+    *(Statement(f"delay [ms], {one}, searched back", _pooled_delay(one, back=True)) for one in CONFIGURATIONS),
 )
 """Quantities that the paper does not report, for comparison."""

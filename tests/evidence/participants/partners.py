@@ -50,6 +50,9 @@ TRIALS, QUICK_TRIALS = 8, 2
 PRACTICE = 300
 """Trials, alone and together, that each participant has done before: no order of blocks has an effect [1]."""
 
+PRACTISED = tuple(f"participant.{key}={PRACTICE}" for key in ("practice", "acquaintance", "felt_trials"))
+"""Lines of the configuration that say so."""
+
 RECORDED_TRIALS = 20
 """Trials of the recorded hand that is played [1]."""
 
@@ -142,8 +145,7 @@ def study_text(names: Sequence[str], trials: int, recorded: Path) -> str:
 
 def practised() -> Config:
     """Return a rig with practised participants, of whom A is left-handed, and so sits at the left."""
-    keys = (f"participant.practice={PRACTICE}", f"participant.acquaintance={PRACTICE}")
-    return parse("", overrides=(*keys, "session.hand_a=left", "session.hand_b=right"))
+    return parse("", overrides=(*PRACTISED, "session.hand_a=left", "session.hand_b=right"))
 
 
 def drawn(config: Config, number: int) -> Config:
@@ -158,8 +160,7 @@ def jobs_beside(study: Study, number: int) -> list[RehearsalJob]:
 
 def recorded_hand(folder: Path) -> Path:
     """Record a block of two participants, of whom nobody else performs."""
-    keys = (f"block.trials={RECORDED_TRIALS}", f"participant.practice={PRACTICE}")
-    config = drawn(parse("", overrides=(*keys, f"participant.acquaintance={PRACTICE}")), 0)
+    config = drawn(parse("", overrides=(*PRACTISED, f"block.trials={RECORDED_TRIALS}")), 0)
     return Path(record(jobs_of([config], SEED, 1000, folder)[0]).recording)
 
 

@@ -15,10 +15,9 @@ from netboard.analysis.cohort.block import rehearse
 from netboard.analysis.extraction.attempts import PAPER
 from netboard.analysis.extraction.details import delays_of
 from netboard.analysis.extraction.recordings import attempt_row
-from netboard.analysis.extraction.trials import RATE, BlockData
-from netboard.analysis.measures.cooperation import PORTIONS
+from netboard.analysis.extraction.trials import RATE, AttemptData, BlockData
+from netboard.analysis.measures.cooperation import PORTIONS, Contributions, Delays, delays
 from netboard.analysis.measures.movements import shares
-from netboard.analysis.measures.smoothness import spectral_arc_length
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.processes import fresh_processes
@@ -48,12 +47,12 @@ ATTEMPT = np.dtype(
         ("still", "<f8"),
         ("distance", "<f8"),  # strategy: ball to target and its velocity at the first braking movement [m, m/s]
         ("velocity", "<f8"),
-        ("first_move", "<f8"),  # onset of the initial movement of the board [s]
-        ("sparc", "<f8"),  # spectral arc length of the ball's speed to completion [1]
         ("rest", "<f8"),  # longest time for which the reading of a hand does not change [s]
         ("segments", "<i8"),  # cooperative movements of the board [1]
         ("delay", "<f8", (len(PORTIONS),)),  # sum of their absolute delays at each portion of the peak [s]
         ("delays", "<i8", (len(PORTIONS),)),  # number of known delays [1]
+        ("delay_back", "<f8", (len(PORTIONS),)),  # the same, if a side is searched for before the movement, too
+        ("delays_back", "<i8", (len(PORTIONS),)),
     ]
 )
 """Measures of one attempt."""
@@ -133,12 +132,26 @@ def _attempts(block: BlockData, dyad: int) -> NDArray[Any]:
         for name, share in zip(SHARES, shares(np.array([measured[name] for name in SHARES])), strict=True):
             row[name] = share
         row["distance"], row["velocity"] = measured["braking_distance"], measured["braking_velocity"]
-        row["first_move"] = measured["initial_onset"]
-        speed = take.motion.speed[take.trial.window()]
-        row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
         course = slice(take.attempt.tick - block.first, take.attempt.stop - block.first)
         row["rest"] = max(longest_rest(block.raw(f"{side}_used_z")[course]) for side in SIDES)
-        moved, delays, _ = delays_of(take)
+        moved, back, _ = delays_of(take)
         row["segments"] = moved.cooperative.sum()
-        row["delay"], row["delays"] = np.nansum(delays.absolute, axis=0), np.isfinite(delays.absolute).sum(axis=0)
+        for end, found in (("", _delays_inside(take, moved)), ("_back", back)):
+            row[f"delay{end}"] = np.nansum(found.absolute, axis=0)
+            row[f"delays{end}"] = np.isfinite(found.absolute).sum(axis=0)
     return rows
+
+
+def _delays_inside(take: AttemptData, moved: Contributions) -> Delays:
+    """Return the delays as the paper more likely measured them, within the movement of the board."""
+    found, how = take.motion, take.block.readings.delays
+    return delays(
+        take.own_segments,
+        moved,
+        found.left_vz,
+        found.right_vz,
+        RATE,
+        threshold=how.threshold,
+        search="inside",
+        velocity=how.velocity,
+    )

@@ -40,8 +40,11 @@ class Posterior:
 
     def participant(self, usual: Participant, seed: int) -> Participant:
         """Draw a participant; what was not fitted is as usual."""
-        draw = self.draws[np.random.default_rng(seed).integers(len(self.draws))]
-        return replace(usual, **dict(zip(self.parameters, draw.tolist(), strict=True)))
+        return self.at(usual, int(np.random.default_rng(seed).integers(len(self.draws))))
+
+    def at(self, usual: Participant, place: int) -> Participant:
+        """Return the participant of one draw, by its place; what was not fitted is as usual."""
+        return replace(usual, **dict(zip(self.parameters, self.draws[place].tolist(), strict=True)))
 
     @property
     def sha256(self) -> str:

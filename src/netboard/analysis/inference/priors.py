@@ -1,5 +1,6 @@
-"""The parameters that are fitted, each with its prior: what was known of it without the results of the paper.
+"""The parameters that are fitted, each with its prior: what was known or assumed of it before the fit.
 
+Where nothing is published, the median is near the default, which an early search on all results of the paper found.
 A parameter is a key of ``[participant]`` that acts in bimanual trials with haptic feedback off. To fit another one,
 add a line. All computations use standard scores: a prior is the standard normal distribution of the score, so that
 scores of all parameters are comparable.
@@ -43,21 +44,20 @@ class Prior:
 
 
 _GAINS = "assumed: the ball comes to rest within seconds, without many oscillations"
-_SEEN = "assumed: some 0.3 degrees of visual angle at the display"
 
 PRIORS: dict[str, Prior] = {
     "kp": Prior(2.2, 0.2, _GAINS),
     "kd": Prior(2.5, 0.2, _GAINS),
     "max_tilt_deg": Prior(3.0, 0.2, "assumed: hands move by some 13 mm"),
     "lookahead": Prior(2.0, 0.15, "assumed: the prediction covers the visual delay and half a submovement"),
-    "threshold_deg": Prior(1.0, 0.2, "dead zones of some 1 degree: Miall et al. 1993, stick balancing"),
+    "threshold_deg": Prior(1.0, 0.2, "assumed; dead zones in tracking, of another angle: 1 degree, Miall et al. 1993"),
     "threshold_cv": Prior(0.4, 0.2, "assumed"),
     "refractory": Prior(0.28, 0.15, "0.25 to 0.55 s for plants of order 0 to 2: van de Kamp et al. 2013"),
     "movement_time": Prior(0.3, 0.15, "assumed: submovements of 0.2 to 0.4 s"),
     "amplitude_cv": Prior(0.07, 0.3, "signal-dependent noise of 2 to 10 % of a movement"),
     "reaction_time": Prior(0.3, 0.2, "assumed: visual reactions of 0.2 to 0.45 s"),
-    "position_noise": Prior(0.0025, 0.3, _SEEN),
-    "velocity_noise": Prior(0.008, 0.3, _SEEN),
+    "position_noise": Prior(0.0025, 0.3, "assumed: some 0.3 degrees of visual angle at the display"),
+    "velocity_noise": Prior(0.008, 0.3, "assumed"),
     "tilt_noise_deg": Prior(0.2, 0.3, "assumed: a fifteenth of the largest tilt"),
     "bimanual_async": Prior(0.045, 0.3, "assumed: some tens of milliseconds between two hands of one person"),
     "bimanual_amplitude_cv": Prior(0.2, 0.3, "assumed"),

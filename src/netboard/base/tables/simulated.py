@@ -209,6 +209,10 @@ class Participant:
     acquaintance: (
         Annotated[float, about("dyadic trials performed before the block", "1", ge=0, le=100_000)] | OfPlan
     ) = "plan"
+    felt_trials: (
+        Annotated[float, about("dyadic trials performed with the full force before the block", "1", ge=0, le=100_000)]
+        | OfPlan
+    ) = "plan"
 
 
 _ARM = "assumed; published arms in posture have 0.5 to 1.5 kg, 5 to 30 N s/m, 100 to 500 N/m"
@@ -222,8 +226,11 @@ PARTICIPANT_SOURCES = {
     for names, source in {
         ("arm_mass", "arm_damping", "arm_stiffness"): _ARM,
         ("muscle_lag",): "a model: Lokesh et al. 2023",
-        ("visual_delay",): "models: Takagi et al. 2017, Lokesh et al. 2023",
-        ("haptic_delay", "reflex_delay"): "measured: Cluff, Crevecoeur and Scott 2015",
+        ("visual_delay",): "assumed; models have 0.08 s (Takagi et al. 2017) and 0.1 s (Lokesh et al. 2023)",
+        (
+            "haptic_delay",
+            "reflex_delay",
+        ): "of responses to perturbations: Cluff, Crevecoeur and Scott 2015",
         ("rest_skill", "load_skill", "mirror_rate"): _BY_HAND,
         ("impedance_decay", "impedance_limit"): "assumed; the law is that of Franklin et al. 2008",
         ("reflex_gain", "impedance_gain"): "that of the partner model",
@@ -231,8 +238,8 @@ PARTICIPANT_SOURCES = {
         ("threshold_cv", "movement_cv", "amplitude_cv", "bimanual_amplitude_cv", "mirror"): _SEARCHED,
         ("threshold_deg", "refractory", "movement_time"): _ADJUSTED,
         ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _ADJUSTED,
-        ("partner_model",): "position exchange: Takagi et al. 2017",
-        ("weber_fraction",): "measured: 7 to 10 %, Pang, Tan and Durlach 1991",
+        ("partner_model",): "assumed; goal exchange explained people best: Takagi et al. 2017",
+        ("weber_fraction",): "extrapolated: 7 to 10 % at 2.5 to 10 N, Pang, Tan and Durlach 1991",
         ("goal_speed",): "a critically damped approach that is as late, on average, as a submovement",
         ("force_noise", "force_noise_time", "forearm", "lateral_sd", "friction_skill", "compensation_speed"): _ASSUMED,
         ("reflex_time", "reaction_time", "reaction_cv", "noise_time", "velocity_span", "learning_trials"): _ASSUMED,
@@ -241,7 +248,7 @@ PARTICIPANT_SOURCES = {
         ("level_margin",): "assumed; at 1 the board would be left at the limit",
         ("stranger",): "assumed: an unknown partner may do nothing, or twice what is expected (a relative SD of 1)",
         ("reading",): "assumed: what a force tells has to be learned, from nothing",
-        ("practice", "acquaintance"): "number of trials in the plan",
+        ("practice", "acquaintance", "felt_trials"): "number of trials in the plan",
     }.items()
     for name in names
 }

@@ -107,6 +107,7 @@ STATE = np.dtype(
         ("learning_factor", "<f8"),  # of noise, threshold and reaction time; 1: trained [1]
         ("acquaintance", "<f8"),  # dyadic attempts done [1]
         ("strangeness", "<f8"),  # factor of the uncertainty about the partner; 1: known [1]
+        ("felt_trials", "<f8"),  # of these with a force that tells of the partner [1]
         ("reading", "<f8"),  # share of what the force tells that is understood [1]
     ]
 )
@@ -133,7 +134,7 @@ def pack_constants(
     packed["felt_noise"] = felt_noise(person, physics, resolved(virtual))
     if len(sides) == 1:
         packed["observer"] = pack_observer(
-            replace(person, practice="plan", acquaintance="plan"), physics, virtual, sides[0]
+            replace(person, practice="plan", acquaintance="plan", felt_trials="plan"), physics, virtual, sides[0]
         )
     return packed
 
@@ -159,7 +160,7 @@ def _initialise(states: Records, constants: Records) -> None:
     senses = state["senses"]
     state["mirror"], state["practice"] = k["mirror"], k["practice"]
     factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
-    state["acquaintance"] = k["acquaintance"]
+    state["acquaintance"], state["felt_trials"] = k["acquaintance"], k["felt_trials"]
     _know_partner(state, k)
     senses["noise_p"] = factor * k["position_noise"] * normal(state["random"])
     senses["noise_v"] = factor * k["velocity_noise"] * normal(state["random"])
@@ -206,7 +207,7 @@ def decide(state: np.void, k: np.void, now: float, glimpse: np.void, felt: float
     _renew_noise(state, k, dt)
     if not perceive(senses, now - k["visual_delay"], k["velocity_span"], seen):
         return 0
-    _detect_release(state, k)
+    _detect_release(state, k, felt)
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
     if k["observer"]["informed"]:
         observe_partner(state, k, now)
@@ -241,7 +242,7 @@ def _has_room(state: np.void) -> bool:
 
 
 @inlined
-def _detect_release(state: np.void, k: np.void) -> None:
+def _detect_release(state: np.void, k: np.void, felt: float) -> None:
     """Once the release of the ball is seen, count the attempt and wait for a reaction time."""
     phase = state["percept"]["phase"]
     if is_free(phase) and not is_free(state["phase"]):
@@ -249,6 +250,7 @@ def _detect_release(state: np.void, k: np.void) -> None:
         _know_partner(state, k)
         state["practice"] += 1.0
         state["acquaintance"] += 1.0
+        state["felt_trials"] += 0.0 if isnan(felt) else k["observer"]["informed"]
         reaction = (
             state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + k["reaction_cv"] * normal(state["random"]))
         )
@@ -258,9 +260,9 @@ def _detect_release(state: np.void, k: np.void) -> None:
 
 @inlined
 def _know_partner(state: np.void, k: np.void) -> None:
-    """Set how uncertain the partner is, and how much of what the force tells is understood, by the dyadic trials."""
+    """Set how uncertain the partner is, and how much of what the force tells is understood, by the trials together."""
     state["strangeness"] = learned(k["stranger"], state["acquaintance"], k["learning_trials"])
-    state["reading"] = 1.0 - (1.0 - k["reading"]) * exp(-state["acquaintance"] / k["learning_trials"])
+    state["reading"] = 1.0 - (1.0 - k["reading"]) * exp(-state["felt_trials"] / k["learning_trials"])
 
 
 @inlined

@@ -47,20 +47,22 @@ def person_of(usual: Participant, seed: int, dyad: int, letter: str) -> Particip
 def people_of(blocks: Sequence[Config], seed: int, dyad: int) -> Iterator[dict[str, Participant]]:
     """Yield the participants A and B of each block.
 
-    By default their practice is the trials of their own blocks before, and their acquaintance those of dyadic ones.
+    By default their practice is the trials of their own blocks before, their acquaintance those of dyadic ones, and
+    their felt trials those of dyadic ones with the full force.
     """
-    done, together = Counter[str](), Counter[str]()
+    done, together, felt = Counter[str](), Counter[str](), Counter[str]()
     for config in blocks:
         people = {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS}
-        if config.participant.practice == "plan":
-            people = {letter: replace(one, practice=float(done[letter])) for letter, one in people.items()}
-        if config.participant.acquaintance == "plan":
-            people = {letter: replace(one, acquaintance=float(together[letter])) for letter, one in people.items()}
+        for name, counter in {"practice": done, "acquaintance": together, "felt_trials": felt}.items():
+            if getattr(config.participant, name) == "plan":
+                people = {letter: replace(one, **{name: float(counter[letter])}) for letter, one in people.items()}
         yield people
         trials = dict.fromkeys(performers(config), config.block.trials)
         done.update(trials)
         if config.block.configuration == "dyadic":
             together.update(trials)
+            if config.block.force == "full":
+                felt.update(trials)
 
 
 def performers(config: Config) -> tuple[str, ...]:

@@ -174,6 +174,17 @@ def stable_latency_ms(loop: Loop) -> int:
     return largest_round_trip(loop)
 
 
+class UnstableError(ConfigError):
+    """A robot does not steer stably at `MARGIN` times the latency of views and loop, only up to `limit_ms`."""
+
+    def __init__(self, side: Side, kind: str, limit_ms: int, needed_ms: float) -> None:
+        self.limit_ms = limit_ms
+        super().__init__(
+            f"[partners.{side}] the {kind} steers stably up to a latency of {limit_ms} ms, expected at least "
+            f"{needed_ms:g} ms ({MARGIN:g} times that of views and loop); smaller gains are stable for longer"
+        )
+
+
 def require_stable(config: Config, parameters: HandParameters, side: Side) -> None:
     """Refuse a hand whose loop is not stable at `MARGIN` times its latency.
 
@@ -251,7 +262,4 @@ class RobotPolicy(HandPolicy):
         needed = MARGIN * (seen + self.parameters.loop_latency_ms)
         limit = self.stable_view_latency_ms(config)
         if limit < needed:
-            raise ConfigError(
-                f"[partners.{side}] the {self.kind} steers stably up to a latency of {limit} ms, expected at least "
-                f"{needed:g} ms ({MARGIN:g} times that of views and loop); smaller gains are stable for longer"
-            )
+            raise UnstableError(side, self.kind, limit, needed)
