@@ -81,7 +81,14 @@ def test_flaws_of_questions_are_found() -> None:
     assert "more than the minimum" in next(flaws(FormQuestion(kind="number", text="?", minimum=5, maximum=5)))
 
 
+def many(**counts: int) -> dict[str, FormQuestion]:
+    kinds = {"text": TEXT, "scale": SCALE}
+    return {f"a.{kind}{number}": kinds[kind] for kind, count in counts.items() for number in range(count)}
+
+
 def test_form_whose_answers_would_not_fit_a_message_has_flaws() -> None:
-    assert list(flaws_of_form([TEXT] * 3 + [SCALE] * 29)) == []
-    assert "free texts" in next(flaws_of_form([TEXT] * 4))
-    assert "33 questions" in next(flaws_of_form([SCALE] * 33))
+    assert list(flaws_of_form(many(text=3, scale=29))) == []
+    assert "expected at most 8192: ask fewer free texts" in next(flaws_of_form(many(text=5)))
+    assert "33 questions" in next(flaws_of_form(many(scale=33)))
+    long = FormQuestion(kind="choice", text="?", choices=("no", "x" * 500))
+    assert "expected at most 8192" in next(flaws_of_form({f"a.{number}": long for number in range(17)}))

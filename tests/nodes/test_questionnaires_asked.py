@@ -54,6 +54,15 @@ def test_partial_answers_that_come_later_are_kept() -> None:
     assert (details["complete"], details["person.opinion"], details["person.confidence"]) == ("false", "a program", "")
 
 
+def test_next_block_still_waits_for_a_form_that_closed_unfinished() -> None:
+    forms, _ = asked()
+    for complete in (True, False):
+        assert forms.open
+        forms.take(QuestionnaireAnswers("left" if complete else "right", 1, GIVEN, 3.0, complete))
+    assert forms.open
+    assert list(forms.close()) == [{"station": "right", "block": "1"}]
+
+
 def test_answers_have_participant_and_true_partner() -> None:
     forms, config = asked('seat_a = "right"\n[block]\nright = "lqg"\n')
     details = forms.take(QuestionnaireAnswers("left", 1, GIVEN, 3.0, True))

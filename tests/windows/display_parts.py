@@ -5,10 +5,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from netboard.base.clock import now_ns
-from netboard.base.config import Config
+from netboard.base.config import Config, resolve
 from netboard.base.tables.rig import Display, Network
 from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, sockets
+from netboard.network.transport.ports import free_port
 from netboard.stage.view import View
 from netboard.windows.participant.language import load_words
 
@@ -101,4 +104,44 @@ class SmallServer:
     def close(self) -> None:
         self.views.close()
         self.control.socket.close()
+        self.context.term()
+
+
+class DisplayRig:
+    """A display, and a server that can be started and stopped."""
+
+    def __init__(self, app, link_timeout_ms=60_000.0):
+        from netboard.windows.participant.client import DisplayClient
+        from netboard.windows.participant.window import BoardWindow
+
+        self.app = app
+        self.port = free_port()
+        self.context: sockets.Context = sockets.Context()
+        self.server = None
+        self.window = BoardWindow("netboard: left station")
+        config = local_config(self.port, link_timeout_ms)
+        self.window.present(config.display)
+        self.client = DisplayClient("left", config, self.context, self.window)
+
+    def serve(self):
+        self.server = SmallServer(self.port)
+        return self.server
+
+    def welcome(self, config=None, session="s1"):
+        assert until(self.app, lambda: self.server.has_received(Hello))
+        self.server.send(Welcome(session, PROTOCOL_VERSION, 0, resolve(config or Config())))
+        assert until(self.app, lambda: self.client.session == session)
+
+    def shows(self, state, **view):
+        """Return whether the window reaches a state; meanwhile publish the view, if one is given."""
+        return until(
+            self.app,
+            lambda: (not view or self.server.show(**view)) and self.window.board.picture.state is state,
+        )
+
+    def close(self):
+        self.client.close()
+        if self.server is not None:
+            self.server.close()
+        self.window.close()
         self.context.term()

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from display_parts import SmallServer, local_config, until
+from display_parts import DisplayRig, SmallServer, local_config, until
 
 from netboard.base.config import Config, resolve
 from netboard.base.errors import NetboardError
@@ -13,7 +13,6 @@ from netboard.base.tables.scene import Geometry
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.views import Frames
-from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.windows.participant.scene import PictureState
 
@@ -22,49 +21,9 @@ WIDE = Geometry(board_length=0.8)
 pytestmark = pytest.mark.integration
 
 
-class Rig:
-    """A display, and a server that can be started and stopped."""
-
-    def __init__(self, app, link_timeout_ms=60_000.0):
-        from netboard.windows.participant.client import DisplayClient
-        from netboard.windows.participant.window import BoardWindow
-
-        self.app = app
-        self.port = free_port()
-        self.context: sockets.Context = sockets.Context()
-        self.server = None
-        self.window = BoardWindow("netboard: left station")
-        config = local_config(self.port, link_timeout_ms)
-        self.window.present(config.display)
-        self.client = DisplayClient("left", config, self.context, self.window)
-
-    def serve(self):
-        self.server = SmallServer(self.port)
-        return self.server
-
-    def welcome(self, config=None, session="s1"):
-        assert until(self.app, lambda: self.server.has_received(Hello))
-        self.server.send(Welcome(session, PROTOCOL_VERSION, 0, resolve(config or Config())))
-        assert until(self.app, lambda: self.client.session == session)
-
-    def shows(self, state, **view):
-        """Return whether the window reaches a state; meanwhile publish the view, if one is given."""
-        return until(
-            self.app,
-            lambda: (not view or self.server.show(**view)) and self.window.board.picture.state is state,
-        )
-
-    def close(self):
-        self.client.close()
-        if self.server is not None:
-            self.server.close()
-        self.window.close()
-        self.context.term()
-
-
 @pytest.fixture
 def rig(app):
-    made = Rig(app)
+    made = DisplayRig(app)
     yield made
     made.close()
 
@@ -72,7 +31,7 @@ def rig(app):
 @pytest.fixture
 def impatient_rig(app):
     """A rig with a short link timeout."""
-    made = Rig(app, link_timeout_ms=150.0)
+    made = DisplayRig(app, link_timeout_ms=150.0)
     yield made
     made.close()
 

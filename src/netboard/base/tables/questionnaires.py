@@ -6,7 +6,7 @@ answer that was skipped is empty. No text of a published questionnaire is in the
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Literal, get_args
 
@@ -33,8 +33,17 @@ if tuple(KINDS) != get_args(QuestionKind):
 MAX_TEXT = 500
 """Most characters of a free text [1]."""
 
-MAX_QUESTIONS, MAX_TEXTS = 32, 3
-"""Most questions of a form, and most free texts, so that the answers fit one message [1]."""
+MAX_NUMBER = 20
+"""Most characters of a number that is written at a display [1]."""
+
+MAX_QUESTIONS, MAX_ANSWER_BYTES = 32, 8192
+"""Most questions of a form, and most bytes of the message with its answers [1]."""
+
+ENVELOPE_BYTES, PAIR_BYTES = 32, 6
+"""Bytes of that message beside ids and answers, at most: those of all fields together, and of each pair [1]."""
+
+LETTER_BYTES = 4
+"""Bytes of a character in UTF-8, at most [1]."""
 
 FULL_SCALE = 100
 """Upper end of a visual analogue scale [1]."""
@@ -128,19 +137,36 @@ def flaws(question: FormQuestion) -> Iterator[str]:
         yield f"maximum: found {question.maximum:g}, expected more than the minimum, {question.minimum:g}"
 
 
-def flaws_of_form(questions: Sequence[FormQuestion]) -> Iterator[str]:
+def flaws_of_form(questions: Mapping[str, FormQuestion]) -> Iterator[str]:
     """Find reasons why the answers to some questions do not fit one message.
 
     Parameters
     ----------
-    questions : sequence of FormQuestion
-        The questions after one block.
+    questions : mapping of str to FormQuestion
+        The questions after one block by their id.
     """
-    texts = sum(one.kind == "text" for one in questions)
     if len(questions) > MAX_QUESTIONS:
         yield f"found {len(questions)} questions after one block, expected at most {MAX_QUESTIONS}"
-    if texts > MAX_TEXTS:
-        yield f"found {texts} free texts after one block, expected at most {MAX_TEXTS}"
+    pairs = (PAIR_BYTES + len(name.encode()) + _most_bytes(question) for name, question in questions.items())
+    size = ENVELOPE_BYTES + sum(pairs)
+    if size > MAX_ANSWER_BYTES:
+        yield (
+            f"found answers of up to {size} bytes after one block, expected at most {MAX_ANSWER_BYTES}: "
+            "ask fewer free texts, or shorten names and choices"
+        )
+
+
+def _most_bytes(question: FormQuestion) -> int:
+    """Return the bytes of the longest answer to a question [1]."""
+    match question.kind:
+        case "choice":
+            return max((len(choice.encode()) for choice in question.choices), default=0)
+        case "text":
+            return LETTER_BYTES * MAX_TEXT
+        case "number":
+            return LETTER_BYTES * MAX_NUMBER
+        case "likert" | "vas":
+            return len(str(FULL_SCALE))
 
 
 def problem_of(question: FormQuestion, answer: str) -> str:
@@ -205,6 +231,9 @@ ANSWERS, UNANSWERED = "answers", "questionnaire_unanswered"
 ABOUT_ANSWERS = ("station", "block", "label", "participant", "partner", "complete", "seconds")
 """Details of `ANSWERS` beside the answers themselves, which are named by the ids of their questions."""
 
+PUBLIC_DETAILS = {ANSWERS: ("station", "block", "complete")}
+"""Events of which logs and streams have only these details, because the others are private."""
+
 RESERVED = ("participant_id", "session_id", *ABOUT_ANSWERS)
 """Columns of exported answers, which no question may be named after."""
 
@@ -218,3 +247,16 @@ PERSON_FORM: dict[str, FormQuestion] = {
 
 SHIPPED: dict[str, dict[str, FormQuestion]] = {"person": PERSON_FORM}
 """Questions that a questionnaire can have by a name, in place of its own."""
+
+
+def public_details(event: str, details: Mapping[str, str]) -> dict[str, str]:
+    """Return the details of an event that may be shown, and sent to others than the logger.
+
+    Parameters
+    ----------
+    event : str
+        Name of the event.
+    details : mapping of str
+        Its details.
+    """
+    return {name: details[name] for name in PUBLIC_DETAILS.get(event, tuple(details))}

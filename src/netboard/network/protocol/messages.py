@@ -10,6 +10,7 @@ here, and so is what the server takes from a peer.
 from dataclasses import dataclass
 
 from netboard.base.config import SIDES
+from netboard.base.tables.questionnaires import MAX_ANSWER_BYTES, MAX_QUESTIONS
 from netboard.network.protocol.control import (
     COMMANDS,
     Command,
@@ -141,7 +142,7 @@ KINDS: dict[int, MessageKind] = {
     15: MessageKind(Backfill, 2304, up=_AGENT),
     20: MessageKind(View, 4096, down=_DISPLAY),
     21: MessageKind(Frames, 8192, MAX_SHOWN, up=_DISPLAY),
-    22: MessageKind(QuestionnaireAnswers, 8192, most_pairs=32, up=_DISPLAY),
+    22: MessageKind(QuestionnaireAnswers, MAX_ANSWER_BYTES, most_pairs=MAX_QUESTIONS, up=_DISPLAY),
     30: MessageKind(LogRequest, 64, up=_LOGGERS),
     31: MessageKind(LogBatch, 1_048_576, 4096, down=_LOGGERS),
     32: MessageKind(LogAck, 1024, up=_LOGGER),

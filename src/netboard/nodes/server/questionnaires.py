@@ -40,7 +40,7 @@ class Questionnaires:
         questions = questions_of(config.form)
         for problem in problems_of(questions, answers.given):
             raise WireError(f"the {station} display answers {problem}")
-        if self._waiting.get(station) == answers.block:
+        if answers.complete and self._waiting.get(station) == answers.block:
             del self._waiting[station]
         return {
             "station": station,

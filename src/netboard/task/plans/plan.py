@@ -229,7 +229,7 @@ def _block(
 def _form(kind: str, asked: Mapping[str, Questionnaire]) -> Form:
     """Make the form of a block of the questionnaires that follow it."""
     questions = [(q, name, question) for q, one in asked.items() for name, question in one.asked().items()]
-    if problem := next(flaws_of_form([question for *_, question in questions]), ""):
+    if problem := next(flaws_of_form({f"{q}.{name}": question for q, name, question in questions}), ""):
         raise ConfigError(f"[kinds.{kind}]: {problem}")
     waits = [one.wait for one in asked.values() if one.asked()]
     return Form(tuple(packed(*question) for question in questions), max(waits, default=Form().wait))

@@ -239,13 +239,13 @@ def _contradictions(study: Study) -> Iterator[str]:
         for kind in questionnaire.after:
             if kind not in (*study.kinds, SESSION):
                 yield f'[questionnaires.{name}] after: found "{kind}", {expected(kind, (*study.kinds, SESSION))}'
-        yield from (f"[questionnaires.{name}{problem}" for problem in _questionnaire_problems(questionnaire))
+        yield from (f"[questionnaires.{name}{problem}" for problem in _questionnaire_problems(name, questionnaire))
     for name in study.kinds:
         yield from (f"[kinds.{name}]{problem}" for problem in _kind_problems(study, name))
 
 
-def _questionnaire_problems(questionnaire: Questionnaire) -> Iterator[str]:
-    """Find the problems of a questionnaire."""
+def _questionnaire_problems(of: str, questionnaire: Questionnaire) -> Iterator[str]:
+    """Find the problems of the questionnaire of a name."""
     if questionnaire.form and questionnaire.form not in SHIPPED:
         yield f'] form: found "{questionnaire.form}", {expected(questionnaire.form, SHIPPED)}'
     if questionnaire.form and questionnaire.questions:
@@ -256,7 +256,8 @@ def _questionnaire_problems(questionnaire: Questionnaire) -> Iterator[str]:
         if name in RESERVED:
             yield f".questions.{name}]: expected another name; this one is a column of exports"
         yield from (f".questions.{name}] {flaw}" for flaw in flaws(question))
-    yield from (f"] questions: {flaw}" for flaw in flaws_of_form([*questionnaire.asked().values()]))
+    asked = {f"{of}.{name}": question for name, question in questionnaire.asked().items()}
+    yield from (f"] questions: {flaw}" for flaw in flaws_of_form(asked))
 
 
 def _order_problems(study: Study, text: str) -> Iterator[str]:

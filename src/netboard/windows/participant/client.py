@@ -6,12 +6,12 @@ second the client reports to the server which view was painted when. The server 
 block, and sends it again with each block. Only `[display]` is taken from the local configuration, because it describes
 this screen and this participant's language.
 
-ZeroMQ's file descriptor is edge-triggered, so every signal drains the socket. A slow timer handles timeouts, greetings
-and reports, and drains the sockets too. Everything runs in Qt's thread.
+ZeroMQ's file descriptor is edge-triggered, so every signal drains the socket. A slow timer handles timeouts, greetings,
+reports and answers, and drains the sockets too. Everything runs in Qt's thread.
 """
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -23,19 +23,18 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side, parse
 from netboard.base.errors import ConfigError, WireError
 from netboard.base.process.resources import NAME
-from netboard.base.tables.questionnaires import FormQuestion, questions_of
+from netboard.base.tables.questionnaires import questions_of
 from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import NEVER_NS
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import HELLO_INTERVAL_NS, Goodbye, Hello, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.views import QuestionnaireAnswers
 from netboard.network.transport import channels, names, sockets
 from netboard.stage.curtain import make_curtain
 from netboard.stage.view import View
 from netboard.windows.participant import window as windows
-from netboard.windows.participant.form import FormWidget
+from netboard.windows.participant.block_form import BlockForm
 from netboard.windows.participant.language import load_words
 from netboard.windows.participant.markers import open_markers
 from netboard.windows.participant.scene import DisplayPicture, extent
@@ -81,9 +80,7 @@ class DisplayClient(QObject):
             window.in_trial = lambda: self.linked and self.showing.in_trial
         self.session = ""
         self.linked = False
-        self._questions: Mapping[str, FormQuestion] = {}
-        self._form: FormWidget | None = None
-        self._answered = 0
+        self._form = BlockForm(station, window, self._words)
         self._seen = False
         self._seq = 0
         self._over = False
@@ -123,7 +120,10 @@ class DisplayClient(QObject):
             notifier.setEnabled(False)
         if self.session:
             self._report()
+            self._form.close()
+            self._send_answers()
             sockets.send(self._control, encode(Goodbye("the display was closed")))
+        self._form.drop()
         self.showing.close()
         self._views.close()
         sockets.close_after_goodbye(self._control)
@@ -149,33 +149,12 @@ class DisplayClient(QObject):
         if not self.linked:
             log.info("receiving views")
         self.linked = self._seen = True
-        if self._questions or self._form is not None:
-            self._follow_form(newest)
         if newest.seq < self._seq:  # another server, which numbers its views from 0, and may have another board
             self.session = ""
             self._hello(now)
+        if self.session:
+            self._form.follow(newest)
         self._seq = newest.seq
-
-    # --- form --------------------------------------------------------------------------------------------------
-
-    def _follow_form(self, view: View) -> None:
-        """Open the form of a block that is over, and close it when the session goes on."""
-        number = self.config.block.number
-        over = view.phase == "finished" and view.block == number
-        if self._form is None and over and self._questions and self._answered != number:
-            form = self._form = FormWidget(self.window, self._questions, self._words)
-            form.done.connect(lambda given, seconds, complete: self._send_answers(number, given, seconds, complete))
-            self.window.cover(form)
-        elif self._form is not None and not over:
-            self._form.close_unfinished()
-
-    def _send_answers(self, number: int, given: dict[str, str], seconds: float, complete: bool) -> None:
-        """Send the answers to a form, and remove it."""
-        self._answered = number if complete else self._answered
-        sockets.send(self._control, encode(QuestionnaireAnswers(self.station, number, given, seconds, complete)))
-        if self._form is not None:
-            self._form.deleteLater()
-        self._form = None
 
     # --- control -----------------------------------------------------------------------------------------------
 
@@ -200,6 +179,7 @@ class DisplayClient(QObject):
         """Apply the server's configuration."""
         try:
             config = replace(parse(text, "the server's configuration"), display=self.display)
+            questions = {} if self.station in make_curtain(config).away else questions_of(config.form)
         except ConfigError as error:
             self._log_once(str(error))
             return
@@ -211,8 +191,7 @@ class DisplayClient(QObject):
         if config != self.config:
             self.showing.config = config
             self._measure(config)
-            away = self.station in make_curtain(config).away
-            self._questions = {} if away else questions_of(config.form)
+        self._form.begin_block(session, config.block.number, questions)
 
     def _measure(self, config: Config) -> None:
         """Warn if the board at its true size is wider than the window."""
@@ -246,6 +225,9 @@ class DisplayClient(QObject):
         if not self.linked:
             sockets.renew(self._views)
 
+    def _send_answers(self) -> None:
+        self._form.send(lambda frame: sockets.send(self._control, frame))
+
     def _report(self) -> None:
         frames = self.tally.report()
         if frames is not None and sockets.send(self._control, encode(frames)):
@@ -263,6 +245,8 @@ class DisplayClient(QObject):
             self._blank()
         if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_INTERVAL_NS:
             self._hello(now)
+        if self.session:
+            self._send_answers()
         if self.session and now - self._report_ns >= REPORT_NS:
             self._report_ns = now
             self._report()
@@ -272,8 +256,7 @@ class DisplayClient(QObject):
         if self.linked:
             log.warning("no view for %.1f s", self._link_timeout_ns * 1e-9)
         self.linked = False
-        if self._form is not None:
-            self._form.close_unfinished()
+        self._form.hide()
         self.showing.blank(self._why())
 
     def _why(self) -> DisplayPicture:

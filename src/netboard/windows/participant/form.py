@@ -7,7 +7,7 @@ choose, arrows move the mark of a scale, Enter goes on. A question that may be s
 from collections.abc import Mapping
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent
+from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QButtonGroup,
@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from netboard.base.clock import now_ns
-from netboard.base.tables.questionnaires import FULL_SCALE, MAX_TEXT, FormQuestion, problem_of
+from netboard.base.tables.questionnaires import FULL_SCALE, MAX_NUMBER, MAX_TEXT, FormQuestion, problem_of
 from netboard.windows.participant.scene import Colours
 from netboard.windows.participant.words import DisplayTexts
 
@@ -165,7 +165,7 @@ class Line(QWidget):
     def __init__(self, unit: str) -> None:
         super().__init__()
         rows = QHBoxLayout(self)
-        self._edit = QLineEdit(maxLength=20)
+        self._edit = QLineEdit(maxLength=MAX_NUMBER)
         self._edit.textChanged.connect(lambda _: self.changed.emit())
         rows.addWidget(self._edit)
         rows.addWidget(QLabel(unit))
@@ -260,6 +260,11 @@ class FormWidget(QWidget):
         """Close the form because the session goes on; what was filled in counts."""
         self._keep()
         self._finish(complete=False)
+
+    def showEvent(self, event: QShowEvent) -> None:  # noqa: N802  (Qt's name)
+        """Give the keys to the present question, also after the form was hidden."""
+        super().showEvent(event)
+        self.field.setFocus()
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
         """Fit letters and margins to the size."""
