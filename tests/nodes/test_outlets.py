@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
+from netboard.base.tables.questionnaires import ANSWERS
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
@@ -191,3 +192,14 @@ def test_missing_library_error_names_the_install_command(monkeypatch: pytest.Mon
     monkeypatch.setattr(lsl_outlets, "import_module", missing)
     with pytest.raises(ConfigError, match=r'pip install "netboard\[lsl\]" \(LSL binary'):
         Outlets("netboard", 5550)
+
+
+def test_answers_of_participants_are_not_published(layer: Layer) -> None:
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
+    outlets.set_clock(0, 1000)
+    public = {"station": "left", "block": "1", "complete": "true"}
+    private = {"label": "duo", "participant": "P1", "partner": "lqg", "seconds": "3.0", "person.opinion": "a person"}
+    outlets.take(rows(0, 1), [EventRecord(0, 3, 10**15, ANSWERS, public | private)])
+    assert layer.events()[-1]["details"] == public
+    assert layer.pushed["netboard.markers"] == [(ANSWERS, 1e6)]

@@ -9,6 +9,7 @@ are the same, stamps are exact. Lost records and the clock offset are reported i
 import logging
 import platform
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import ConfigError
+from netboard.base.tables.questionnaires import public_details
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.export.lsl_streams import (
@@ -153,7 +155,8 @@ class Outlets:
         for event in events:
             (stamp,) = seconds(np.array([onset_ns(event) + shift_ns])).tolist()
             self._outlets[MARKERS.name].push_sample([event.name], stamp)
-            self._outlets[EVENTS.name].push_sample([event_text(event)], stamp)
+            public = replace(event, details=public_details(event.name, event.details))
+            self._outlets[EVENTS.name].push_sample([event_text(public)], stamp)
             self.events += 1
 
     def _remark(self, name: str, details: dict[str, str]) -> None:

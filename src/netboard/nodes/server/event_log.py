@@ -11,7 +11,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.plural import plural
-from netboard.base.tables.questionnaires import ANSWERS
+from netboard.base.tables.questionnaires import public_details
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
@@ -28,9 +28,6 @@ SUMMED = "stood_still"
 
 UNPRINTED = ("config", "policy_parameters")
 """Details of hundreds of words, which only a recording contains."""
-
-PRIVATE = {ANSWERS: ("station", "block", "complete")}
-"""Events of which only these details are printed, because the others are private."""
 
 
 class EventLog:
@@ -102,8 +99,7 @@ class EventLog:
 
 def line_of(name: str, details: dict[str, str]) -> str:
     """Return an event as one line of the process log."""
-    if name in PRIVATE:
-        details = {key: details[key] for key in PRIVATE[name]}
+    details = public_details(name, details)
     if name != "refused":
         return f"{name} {printable(details)}"
     who = printable({key: value for key, value in details.items() if key not in ("channel", "reason", "times")})
