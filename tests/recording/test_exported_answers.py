@@ -35,16 +35,20 @@ DETAILS = {
 EVENT = EventRecord(3, 40, 1_000_000_000, ANSWERS, DETAILS)
 
 
-@pytest.fixture(scope="module")
-def recorded_answers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("answered") / "answered.mcap"
-    questions = [packed("person", name, question) for name, question in PERSON_FORM.items()]
-    form = Form((*questions, packed("rest", "remark", REMARK)))
+def recorded(path: Path, questions: dict[str, FormQuestion], details: dict[str, str], time_ns: int = 10**9) -> Path:
+    """Record a session with the answers to a form; the questions are given by their id."""
+    form = Form(tuple(packed(*name.split("."), question) for name, question in questions.items()))
     writer = writer_of(path, replace(parse(""), form=form), {})
     last = fill(writer, make_rows(2)[:40])
-    writer.write(EVENT, writer.next_record or 0, last + 1)
+    writer.write(replace(EVENT, details=details, time_ns=time_ns), writer.next_record or 0, last + 1)
     writer.finish(last + 2, "complete")
     return path
+
+
+@pytest.fixture(scope="module")
+def recorded_answers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    questions = {f"person.{name}": question for name, question in PERSON_FORM.items()} | {"rest.remark": REMARK}
+    return recorded(tmp_path_factory.mktemp("answered") / "answered.mcap", questions, DETAILS)
 
 
 def test_answers_are_read_from_their_events() -> None:
@@ -78,3 +82,17 @@ def test_bids_has_a_phenotype_of_each_questionnaire(recorded_answers: Path, tmp_
     assert sidecar["confidence"]["Levels"] == {"0": "a guess", "100": "certain"}
     with (folder / "rest.tsv").open(encoding="utf-8") as file:
         assert next(csv.DictReader(file, delimiter="\t"))["remark"] == "n/a"
+
+
+def test_bids_keeps_answers_under_their_questions_if_a_questionnaire_has_changed(tmp_path: Path) -> None:
+    scale = FormQuestion(kind="vas", text="How much?")
+    about = {name: text for name, text in DETAILS.items() if "." not in name}
+    forms = [{"rating.demand": "10", "rating.effort": "20"}, {"rating.effort": "30", "rating.delay": "40"}]
+    paths = [
+        recorded(tmp_path / f"{number}.mcap", dict.fromkeys(given, scale), about | given, 10**9 + number)
+        for number, given in enumerate(forms)
+    ]
+    bids.write(paths, tmp_path / "out", lambda *_: None)
+    with (tmp_path / "out" / "phenotype" / "rating.tsv").open(encoding="utf-8") as file:
+        found = [(row["demand"], row["effort"], row["delay"]) for row in csv.DictReader(file, delimiter="\t")]
+    assert found == [("10", "20", "n/a"), ("n/a", "30", "40")]

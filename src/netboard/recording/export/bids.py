@@ -11,6 +11,7 @@ Numbers have the fewest digits that read back as the same float64; missing ones 
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -282,7 +283,7 @@ def _write_answers(runs: Sequence[Run], folder: Path) -> None:
 
 def _form_row(one: Answer, run: Run) -> Row:
     letter = "A" if one.participant == run.config.session.participant_a else "B"
-    label = next((person.label for each in (run,) for person in each.people if person.letter == letter), "")
+    label = next((person.label for person in run.people if person.letter == letter), "")
     return {
         "participant_id": f"sub-{label}" if label else texts.MISSING,
         "session_id": f"ses-{run.session}",
@@ -375,10 +376,12 @@ def _write_json(path: Path, values: Row) -> None:
 
 
 def _write_table(path: Path, rows: Iterable[Row]) -> None:
-    """Write a table of at least one row with a header line."""
+    """Write a table with a header line, and with the columns of all its rows."""
     lines = list(rows)
+    columns = list(dict.fromkeys(chain.from_iterable(lines)))
     with path.open("x", encoding="utf-8", newline="") as file:
-        file.writelines(tsv_lines([lines[0].keys(), *(row.values() for row in lines)], _cell))
+        cells = ([row.get(name, texts.MISSING) for name in columns] for row in lines)
+        file.writelines(tsv_lines([columns, *cells], _cell))
 
 
 def _cell(value: object) -> str:
