@@ -24,6 +24,13 @@ def compose(view, config=CONFIG, **more):
     return screens.compose(view, config, WORDS, **more)
 
 
+def name_of(colour):
+    """Name of a colour, as Qt writes that of a pixel."""
+    from PySide6.QtGui import QColor
+
+    return QColor(colour).name()
+
+
 def colour_at(view, point):
     """Colour of the pixel at a position in metres, computed from the widget's size alone."""
     width, height = extent(CONFIG)
@@ -42,13 +49,16 @@ def test_board_view_paints_each_part_in_its_colour_and_place(app, board, size):
     app.processEvents()
     target = [sum(corner[i] for corner in picture.target) / 4 for i in (0, 1)]
     colours = picture.colours
-    assert colour_at(view, picture.ball) == colours.ball
-    assert colour_at(view, target) == colours.target
-    assert colour_at(view, picture.handles[1]) == colours.background
-    assert colour_at(view, (0.0, 0.02)) == colours.board
-    assert colour_at(view, (0.0, -0.05)) == colours.background
+    corner, next_corner = picture.stripe[1:3]  # along the width of the stripe, whose middle is that of the ball
+    beside = [ball + 3 * (b - a) for ball, a, b in zip(picture.ball, corner, next_corner, strict=True)]
+    assert colour_at(view, picture.ball) == name_of(colours.background)
+    assert colour_at(view, beside) == name_of(colours.ball)
+    assert colour_at(view, target) == name_of(colours.target)
+    assert colour_at(view, picture.handles[1]) == name_of(colours.background)
+    assert colour_at(view, (0.0, 0.02)) == name_of(colours.board)
+    assert colour_at(view, (0.0, -0.05)) == name_of(colours.background)
     x, y = picture.cursors[0]
-    assert colour_at(view, (x, y + 0.011)) == colours.cursor
+    assert colour_at(view, (x, y + 0.011)) == name_of(colours.cursor)
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (640, 480)])
@@ -61,7 +71,7 @@ def test_long_instructions_get_smaller_letters_and_end_above_the_notice(app, boa
     app.processEvents()
     image = view.grab().toImage()
     gap = [image.pixelColor(x, round(0.875 * view.height())).name() for x in range(view.width())]
-    assert set(gap) == {view.picture.colours.background}
+    assert set(gap) == {name_of(view.picture.colours.background)}
     (text,) = [part for part in view._parts if isinstance(part, Text)]
     assert SMALLEST_LETTERS < _fitting_letters(text) < text.letters
 
@@ -71,7 +81,8 @@ def test_target_colour_follows_the_picture_state(app, board, phase):
     view, _ = board
     view.show_picture(compose(replace(VIEW, phase=phase)))
     app.processEvents()
-    assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[PictureState.RUN].target
+    assert colour_at(view, (0.15, 0.0)) == name_of(view.picture.colours.target)
+    assert view.picture.colours.target != COLOURS[PictureState.RUN].target
 
 
 def test_each_new_picture_is_painted_once_and_an_equal_one_never(app, board):
@@ -122,7 +133,7 @@ def test_blank_picture_removes_the_board(app, board):
     app.processEvents()
     image = view.grab().toImage()
     colours = {image.pixelColor(x, y).name() for x in range(0, 840, 5) for y in range(0, 480, 5)}
-    assert colours == {COLOURS[PictureState.LOST].background}
+    assert colours == {name_of(COLOURS[PictureState.LOST].background)}
 
 
 def test_screenshot_never_overwrites_a_file(app, board, tmp_path):
