@@ -86,12 +86,12 @@ class Case:
     keys: dict[str, dict[str, float]] = field(default_factory=dict)
     skill: float = 1.0
     acquaintance: float | Literal["plan"] = "plan"  # a dyad that knows each other
-    person: dict[str, float] = field(default_factory=dict)
+    person: dict[str, Any] = field(default_factory=dict)
 
     def config(self) -> Config:
         """Return the configuration of the block."""
         base = Config()
-        together = {"acquaintance": self.acquaintance, "felt_trials": self.acquaintance}
+        together: dict[str, Any] = {"acquaintance": self.acquaintance, "felt_trials": self.acquaintance}
         person = replace(base.participant, partner_model=self.model, practice=PRACTICE, **together, **self.person)
         changed = {table: replace(getattr(base, table), **values) for table, values in self.keys.items()}
         block = replace(

@@ -247,9 +247,9 @@ def _pooled_delay(configuration: Configuration, *, back: bool = False) -> Quanti
 def _delays() -> Iterator[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
     for configuration in reversed(CONFIGURATIONS):
-        value, alone = 1e3 * reported(f"delay, {OVER_ALL}", configuration).reported, configuration == "bimanual"
+        value, used = 1e3 * reported(f"delay, {OVER_ALL}", configuration).reported, configuration == "bimanual"
         of = _pooled_delay(configuration)
-        yield Statement(f"delay [ms], {configuration}", of, value, adjusted=alone, fitted=alone)
+        yield Statement(f"delay [ms], {configuration}", of, value, adjusted=used, fitted=used)
         for on in (False, True):
             rising = _minus(_delay(configuration, on, -1), _delay(configuration, on, 0))
             text = f"delay [ms], {configuration}, haptics {'on' if on else 'off'}, 40 % - 10 %"

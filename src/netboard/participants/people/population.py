@@ -8,6 +8,7 @@ done the trials of its own blocks before.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -53,9 +54,11 @@ def people_of(blocks: Sequence[Config], seed: int, dyad: int) -> Iterator[dict[s
     done, together, felt = Counter[str](), Counter[str](), Counter[str]()
     for config in blocks:
         people = {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS}
-        for name, counter in {"practice": done, "acquaintance": together, "felt_trials": felt}.items():
-            if getattr(config.participant, name) == "plan":
-                people = {letter: replace(one, **{name: float(counter[letter])}) for letter, one in people.items()}
+        counters = {"practice": done, "acquaintance": together, "felt_trials": felt}
+        planned = {name: counter for name, counter in counters.items() if getattr(config.participant, name) == "plan"}
+        for letter, one in people.items():
+            counts: dict[str, Any] = {name: float(counter[letter]) for name, counter in planned.items()}
+            people[letter] = replace(one, **counts)
         yield people
         trials = dict.fromkeys(performers(config), config.block.trials)
         done.update(trials)
