@@ -102,7 +102,7 @@ def test_the_codec_accepts_frames_up_to_the_size_limit(kind: int) -> None:
 
 AFTER_COMPLETIONS = [
     *(0, [], [], "", [], []),
-    *("S01", "D01", "", False, False, True, True, "", 1, 1, "", "", 0.0, "", 0, [], [], [], [], [], [], [], []),
+    *("S01", "D01", "", False, False, True, True, "", 1, 1, "", "", 0.0, "", 0, [], [], [], [], [], [], [], [], []),
 ]
 """The fields of a `Status` after the completion times."""
 
