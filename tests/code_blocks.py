@@ -35,6 +35,7 @@ PROGRAMS = ("netboard", "bids-validator-deno", "nwbinspector")
 
 NOT_RUN = {
     r"(server|agent|logger|console|display|up|lsl|stop|status|control|demo|devices monitor)\b": "needs a session",
+    r"(launch|station)\b": "starts a session",
     r"trigger\b": "needs a trigger box",
     r"replay (?!.*--(markers|verify))": "opens a window, or plays in real time",
     r"devices calibrate\b": "asks for movements of the stylus",
