@@ -168,7 +168,8 @@ def models_part(found: dict[str, list[Prediction]], use: Use, name: str = "model
         cells: list[float] = []
         for own, other in zip(scores[model], full, strict=True):
             cells += [100.0 * float(own.mean()), *_paired(100.0 * (own - other))]
-        part.add(model, f"{inside} of {values}", f"{likely} of {directions}", *cells)
+        rounded = (round(cell, 9) for cell in cells)  # a difference of equal means is 0
+        part.add(model, f"{inside} of {values}", f"{likely} of {directions}", *rounded)
     return part
 
 
@@ -264,5 +265,5 @@ def draw(found: Sequence[Prediction]) -> Any:
         right.plot(one.probability, place, "o", color=colour, markersize=4)
     right.axvline(LIKELY, color="grey", linewidth=0.8)
     right.set_yticks(range(len(directions)), [one.statement.name for one in reversed(directions)], fontsize=PRINT_BODY)
-    right.set(xlim=(0, 1.02), xlabel="share of the studies with the paper's direction, and 95 % CI", title="directions")
+    right.set(xlim=(0, 1.02), xlabel="share of the studies, 95 % CI", title="directions")
     return figure
