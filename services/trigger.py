@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
     )
 )
 def trigger(config: ConfigFile = None, overrides: Overrides = None) -> None:
-    """Give TTL pulses for events of the session, by the trigger box at this machine ([triggers])."""
+    r"""Give TTL pulses for events of the session, by the trigger box at this machine (\[triggers])."""
     settings = load(config, overrides)
     from netboard.base.process.realtime import Priority, io_priority, leave_reserved_cpus, prepare
     from netboard.base.process.stopping import Stopping, no_terminal_suspension
