@@ -90,6 +90,7 @@ def test_form_is_asked_once_after_a_block(rig):
 def test_form_of_the_next_session_is_asked_too(rig):
     assert rig.asks()
     rig.answer()
+    assert rig.answers() == [(1, GIVEN, True)]
     rig.welcome(ASKED, session="s2")
     assert rig.asks()
     rig.answer()

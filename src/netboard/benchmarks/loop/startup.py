@@ -18,6 +18,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from netboard.base.errors import NetboardError
+from netboard.base.system.c_library import clock_ticks_hz
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.rig import Rig
 from netboard.benchmarks.harness.running import Options, Tell, run
@@ -187,7 +188,7 @@ def _has(status: Status, name: str) -> bool:
 def _cpu_time(process: int) -> float:
     """Return the CPU time of a running process, and of its children that have ended [s]."""
     fields = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+    return sum(map(int, fields[11:15])) / clock_ticks_hz()
 
 
 def _demos(place: Path, tell: Tell) -> dict[str, dict[str, Start]]:
