@@ -32,28 +32,30 @@ from netboard.base.process.workers import cores
 from netboard.base.tables.simulated import Participant, PartnerModel
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Tell
+from netboard.participants.people.partner_models import PARTNER_MODELS
 
 DEFAULT = Participant()
 
 VARIANTS: dict[str, Participant] = {
     "full model": DEFAULT,
-    "mechanics": replace(DEFAULT, partner_model="mechanics"),
+    **{name: replace(DEFAULT, partner_model=name) for name in PARTNER_MODELS if name != DEFAULT.partner_model},
     "no acquaintance": replace(DEFAULT, stranger=1.0, reading=1.0),
+    "understood force": replace(DEFAULT, reading=1.0),
     "no learning": replace(DEFAULT, novice=1.0),
     "friction at rest": replace(DEFAULT, rest_skill=0.0),
     "no load skill": replace(DEFAULT, load_skill=0.0),
 }
-"""Variants of the model: each is without one part."""
+"""Variants of the model: each has another model of the partner, or is without one part."""
 
 QUICK_VARIANTS = ("full model", "mechanics")
 
 STUDIES, QUICK_STUDIES = 48, 2
 """Virtual studies of the full model [1]."""
 
-VARIED_STUDIES, QUICK_VARIED_STUDIES = 3, 1
+VARIED_STUDIES, QUICK_VARIED_STUDIES = 12, 1
 """Largest number of virtual studies of the other variants [1]."""
 
-DRAWS, QUICK_DRAWS = 6, 2
+DRAWS, QUICK_DRAWS = 40, 2
 """Number of draws of the posterior, each with a virtual study of its own [1]."""
 
 COMPARED: tuple[PartnerModel, ...] = ("position", "mechanics")
@@ -62,7 +64,7 @@ COMPARED: tuple[PartnerModel, ...] = ("position", "mechanics")
 QUICK_TRIALS = 6
 """Number of trials in a block of a quick run; otherwise it is the paper's [1]."""
 
-SLOWING_DYADS = 4
+SLOWING_DYADS = 16
 """Number of dyads for the effect of parts of the force [1]."""
 
 
