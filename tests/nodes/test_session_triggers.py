@@ -117,13 +117,30 @@ def test_every_event_without_a_pulse_is_recorded_with_the_reason() -> None:
     assert rig.triggers.awaited(5 * TICK_NS)
     rig.router.disconnected.add(BOX)
     rig.event("next")
-    news = rig.triggers.take_news(5 * TICK_NS + REPORT_NS)
+    news = rig.triggers.take_news(5 * TICK_NS + 2 * REPORT_NS)
     assert [(name, details["event"], details["reason"]) for name, details in news] == [
         (TRIGGER_LOST, "next", "the trigger box takes no messages"),
         (TRIGGER_LOST, "held", "it was unplugged"),
         (TRIGGER_LOST, "fell", "the trigger box has not reported"),
     ]
     assert rig.triggers.notice == "3 events had no pulse"
+
+
+def test_pulses_that_are_made_one_after_the_other_are_lost_only_once_all_before_them_could_have_ended() -> None:
+    rig = Rig(width=1.0, gap=0.5)
+    pulse_ns = 1_500_000_000
+    rig.event("held", 0)
+    rig.event("next", 0)
+    assert rig.triggers.awaited(REPORT_NS + 2 * pulse_ns - 1)
+    assert not rig.triggers.awaited(REPORT_NS + 2 * pulse_ns)
+    assert rig.triggers.take_news(REPORT_NS + pulse_ns - 1) == []
+    rig.report(PulseReport(0, 1, 2, 1_000_000_002, 0, 0, ""))
+    assert [name for name, _ in rig.triggers.take_news(REPORT_NS + pulse_ns)] == [TRIGGER]
+    rig.report(PulseReport(1, 1, pulse_ns, 2_500_000_000, 0, 0, ""))
+    assert [name for name, _ in rig.triggers.take_news(REPORT_NS + 2 * pulse_ns - 1)] == [TRIGGER]
+    rig.event("fell", 0)
+    ((name, details),) = rig.triggers.take_news(REPORT_NS + pulse_ns)
+    assert (name, details["reason"]) == (TRIGGER_LOST, "the trigger box has not reported")
 
 
 def test_lost_box_is_recorded_once_and_named_until_it_is_back() -> None:

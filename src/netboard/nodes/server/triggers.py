@@ -24,7 +24,7 @@ from netboard.nodes.ports.peer_events import News
 from netboard.nodes.ports.trigger_peers import TimedReport, TriggerPeers
 
 REPORT_NS = 1_000_000_000
-"""Time after which a box that was sent a trigger and has not reported counts as lost to it [ns]."""
+"""Time after the end of a pulse, and of those before it, within which a box reports it; else it counts as lost [ns]."""
 
 THE_BOX = "the trigger box"
 
@@ -33,7 +33,7 @@ class _Pending(NamedTuple):
     """A trigger without a report yet."""
 
     trigger: Trigger
-    sent_ns: int
+    due_ns: int  # when it counts as lost
 
 
 class SessionTriggers:
@@ -61,7 +61,7 @@ class SessionTriggers:
         trigger = Trigger(self._number, tick, tick_ns, name, code)
         self._number += 1
         if self._peers.send(trigger):
-            self._pending[trigger.number] = _Pending(trigger, now_ns)
+            self._pending[trigger.number] = _Pending(trigger, self._due_ns(now_ns))
         else:
             self._lose(trigger, self.trouble or f"{THE_BOX} takes no messages")
 
@@ -94,7 +94,7 @@ class SessionTriggers:
 
     def awaited(self, now_ns: int) -> bool:
         """Return whether a report is still to come."""
-        return any(now_ns - pending.sent_ns < REPORT_NS for pending in self._pending.values())
+        return any(now_ns < pending.due_ns for pending in self._pending.values())
 
     def take_news(self, now_ns: int) -> News:
         """Return the events to record: pulses that were made or not, input pulses, and changes of the box."""
@@ -107,11 +107,16 @@ class SessionTriggers:
                 case BoxState() as state:
                     self._take_state(timed.who, state)
         for number, pending in list(self._pending.items()):
-            if now_ns - pending.sent_ns >= REPORT_NS:
+            if now_ns >= pending.due_ns:
                 del self._pending[number]
                 self._lose(pending.trigger, f"{THE_BOX} has not reported")
         news, self._news = self._news, []
         return news
+
+    def _due_ns(self, now_ns: int) -> int:
+        """Return when a trigger that is sent now counts as lost: the box makes the pending pulses before it."""
+        pulse_ns = int((self._settings.width + self._settings.gap) * 1e9)
+        return now_ns + REPORT_NS + (len(self._pending) + 1) * pulse_ns
 
     def _take_pulse(self, report: PulseReport, timed: TimedReport) -> None:
         """Take what became of a trigger; of several boxes the first report counts."""
