@@ -5,6 +5,7 @@ import os
 import struct
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,33 @@ def test_serial_box_gets_one_byte_for_a_code_and_reports_its_input(pty_box: PtyB
         pty_box.send(b"\x07")
         assert eventually(box, b"\x07") == b"\x07"
         assert box.file >= 0
-    assert pty_box.received == [0, 200, 0, 3]  # it begins with low lines
+    pty_box.unplug()  # which takes what was written before
+    assert pty_box.received == [0, 200, 0, 3, 0]  # it begins and ends with low lines
+
+
+def test_lines_of_a_serial_box_are_low_after_an_error(pty_box: PtyBox) -> None:
+    with suppress(KeyboardInterrupt), SerialBox(replace(SERIAL, address=str(pty_box.address))) as box:
+        box.write(200)
+        raise KeyboardInterrupt
+    pty_box.unplug()
+    assert pty_box.received == [0, 200, 0]
+
+
+def test_serial_box_that_could_not_be_opened_is_not_locked(pty_box: PtyBox, monkeypatch: pytest.MonkeyPatch) -> None:
+    import serial
+
+    def take_no_bytes(port: object, codes: bytes) -> int:
+        raise serial.SerialTimeoutException("Write timeout")
+
+    box = SerialBox(replace(SERIAL, address=str(pty_box.address)))
+    with monkeypatch.context() as patched:
+        patched.setattr(serial.Serial, "write", take_no_bytes)
+        with pytest.raises(DeviceNotFound, match="takes no bytes"):
+            box.open()
+    with box:
+        box.write(1)
+    pty_box.unplug()
+    assert pty_box.received == [0, 1, 0]
 
 
 def test_second_program_finds_the_serial_box_busy(pty_box: PtyBox) -> None:

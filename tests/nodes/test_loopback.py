@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from netboard.base.tables.triggers import Triggers
 from netboard.benchmarks.loop.trigger_box import PtyBox
 from netboard.nodes.doctor.loopback import LoopbackTimes, examine, histogram, verdict
@@ -17,9 +19,20 @@ def test_every_pulse_of_a_serial_box_comes_back(tmp_path: Path) -> None:
         (found,) = examine(triggers, 20, "red", ignore)
     assert found.figures["lost"] == 0
     assert "20 pulses" in found.found
-    assert box.received == [0] + 20 * [255, 0]
+    assert box.received == [0] + 20 * [255, 0] + [0]  # low again before it is closed
     counts = [line.split("ms")[-1].split() for line in histogram(found)[1:-1]]
     assert sum(int(count[0]) for count in counts) == 20
+
+
+def test_interrupted_test_leaves_the_lines_low(tmp_path: Path) -> None:
+    def interrupt(done: float) -> None:
+        raise KeyboardInterrupt
+
+    with PtyBox(tmp_path) as box:
+        triggers = Triggers(kind="serial", address=str(box.address), reset=False, width=0.0005, gap=0.0)
+        with pytest.raises(KeyboardInterrupt):
+            [*examine(triggers, 4, "red", interrupt)]
+    assert box.received == [0, 255, 0]
 
 
 def test_lost_pulses_are_counted_and_red(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import pytest
 
 from fakes import FakeClock
-from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.tables.triggers import Triggers
 from netboard.devices.triggers.simulated import SimulatedBox
 from netboard.network.protocol.codec import decode, encode
@@ -41,6 +41,7 @@ class FragileBox(SimulatedBox):
     """A simulated box that can be unplugged."""
 
     gone = False
+    failures = 0  # writes that fail from now on
 
     def open(self) -> None:
         if self.gone:
@@ -50,6 +51,9 @@ class FragileBox(SimulatedBox):
     def write(self, code: int) -> None:
         if self.gone:
             raise DeviceLost("it was unplugged")
+        if self.failures:
+            self.failures -= 1
+            raise DeviceTimeout("it takes no bytes")
         super().write(code)
 
 
@@ -180,3 +184,31 @@ def test_stopped_node_leaves_the_lines_low() -> None:
     rig.node.run(rig.counted(1))
     assert rig.box.lines == 0
     assert rig.sent(Goodbye) == [Goodbye("the trigger box was stopped")]
+
+
+def test_code_does_not_stay_on_the_lines_if_the_end_of_its_pulse_cannot_be_written() -> None:
+    rig = Rig()
+    rig.receive(Trigger(0, 1, 1, "held", 4))
+    rig.box.failures = 1
+    rig.step(6)
+    assert rig.box.lines == 0
+    assert [one.fault for one in rig.sent(PulseReport) if isinstance(one, PulseReport)] == ["it takes no bytes"]
+
+
+def test_box_that_takes_no_code_at_all_is_said_to_show_one(caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig()
+    rig.receive(Trigger(0, 1, 1, "held", 4))
+    rig.box.failures = 2
+    rig.step(6)
+    assert "may still show a code: it takes no bytes" in caplog.text
+
+
+def test_error_of_the_node_leaves_the_lines_low() -> None:
+    rig = Rig()
+    rig.box.close()  # which the node opens again
+    rig.line.inbox.append(encode(Trigger(0, 1, 1, "held", 4)))
+    turns = iter([False])
+    with pytest.raises(StopIteration):
+        rig.node.run(lambda: next(turns))
+    assert rig.box.lines == 0
+    assert rig.box.file < 0

@@ -5,20 +5,23 @@ opened, and `DeviceLost` or `DeviceTimeout` once it is open, each in words that 
 """
 
 import errno
+import logging
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import ClassVar, Self
 
-from netboard.base.errors import DeviceNotFound
+from netboard.base.errors import DeviceError, DeviceNotFound
 from netboard.base.system.ownership import group_of
 from netboard.base.tables.triggers import Triggers
+
+log = logging.getLogger(__name__)
 
 NO_FILE = -1
 """Number in place of the file of a box that signals no input."""
 
 
 class TriggerBox(ABC):
-    """A trigger box at an address; as a context it is open within it."""
+    """A trigger box at an address; as a context it is open within it, and its lines are low afterwards."""
 
     simulated: ClassVar[bool] = False  # whether it stands in for hardware
     has_input: ClassVar[bool] = False  # whether it can report pulses at an input
@@ -33,7 +36,7 @@ class TriggerBox(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Open it, with all lines low; raise `DeviceNotFound` if that fails."""
+        """Open it, with all lines low; if that fails, leave it closed and raise `DeviceNotFound`."""
 
     @abstractmethod
     def write(self, code: int) -> None:
@@ -48,6 +51,13 @@ class TriggerBox(ABC):
         """Number of a file that is readable while there is input, or `NO_FILE`."""
         return NO_FILE
 
+    def lower(self) -> None:
+        """Set all lines low before the box is closed; of one that takes no more codes, log so."""
+        try:
+            self.write(0)
+        except DeviceError as error:
+            log.warning("the lines of the %s may still show a code: %s", self.text, error)
+
     @abstractmethod
     def close(self) -> None:
         """Close it; closing it again does nothing."""
@@ -57,7 +67,10 @@ class TriggerBox(ABC):
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.close()
+        try:
+            self.lower()
+        finally:
+            self.close()
 
 
 def cannot_open(path: str, error: OSError) -> DeviceNotFound:

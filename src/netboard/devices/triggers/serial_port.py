@@ -11,7 +11,7 @@ from importlib import import_module
 from io import UnsupportedOperation
 from typing import Any, ClassVar
 
-from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
+from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.tables.triggers import Triggers
 from netboard.devices.triggers.box import NO_FILE, TriggerBox, cannot_open
 
@@ -54,7 +54,11 @@ class SerialBox(TriggerBox):
         except (OSError, ValueError) as error:  # pyserial's own error is an OSError
             raise cannot_open(self._address, error if isinstance(error, OSError) else OSError(str(error))) from error
         self._lower_latency()
-        self.write(0)
+        try:
+            self.write(0)
+        except DeviceError as error:
+            self.close()  # or this process's own lock would refuse the next attempt
+            raise DeviceNotFound(str(error)) from error
 
     def write(self, code: int) -> None:
         """Send one byte."""

@@ -73,15 +73,15 @@ class TriggerNode:
         self._reported_inputs = 0  # since the beginning of this second
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Serve triggers until stopped; the lines are low afterwards."""
+        """Serve triggers until stopped; the lines are low afterwards, also after an error."""
         steady_loop()
-        self._look_for_box()
-        while not stopping():
-            self.step()
-        self._server.send(Goodbye("the trigger box was stopped"))
-        if self._open:
-            self._try(lambda: self._box.write(0))
-        self._box.close()
+        try:
+            self._look_for_box()
+            while not stopping():
+                self.step()
+            self._server.send(Goodbye("the trigger box was stopped"))
+        finally:
+            self._close_box()
 
     def step(self) -> None:
         """Wait for what comes next, and handle it."""
@@ -179,11 +179,20 @@ class TriggerNode:
 
     def _lose(self, reason: str) -> None:
         log.error("%s; trying again every second", reason)
-        self._open, self._trouble = False, reason
-        self._box.close()
+        self._close_box()
+        self._trouble = reason
         self._pulses.fail(reason)
         self._retry_ns = self._clock() + RETRY_NS
         self._say_state()
+
+    def _close_box(self) -> None:
+        """Close the box if it is open, with its lines low as far as it takes that."""
+        try:
+            if self._open:
+                self._box.lower()
+        finally:
+            self._open = False
+            self._box.close()
 
     def _say_state(self) -> None:
         self._server.send(BoxState(self._open, self._box.text, self._box.simulated, self._trouble))
