@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from netboard.base.config import Config, parse
-from netboard.base.errors import WireError
+from netboard.base.errors import NetboardError, WireError
 from netboard.base.tables.questionnaires import ANSWERS, PERSON_FORM, Form, packed
 from netboard.network.protocol.views import QuestionnaireAnswers
 from netboard.nodes.server.event_log import line_of
@@ -45,6 +45,18 @@ def test_wait_is_limited_and_names_who_has_not_answered() -> None:
     forms, _ = asked(form=replace(FORM, wait=0.0))
     assert not forms.open
     assert list(forms.close()) == [{"station": "left", "block": "1"}, {"station": "right", "block": "1"}]
+
+
+def test_operator_who_skips_the_form_is_named_with_each_station_that_has_not_answered() -> None:
+    forms, _ = asked()
+    forms.take(QuestionnaireAnswers("left", 1, GIVEN, 3.0, True))
+    assert forms.require_awaited() == ("right",)
+    assert list(forms.close("lab1:17")) == [{"station": "right", "block": "1", "skipped_by": "lab1:17"}]
+    assert not forms.open
+    with pytest.raises(NetboardError, match="no questionnaire waits"):
+        forms.require_awaited()
+    late = forms.take(QuestionnaireAnswers("right", 1, GIVEN, 3.0, True))
+    assert late["complete"] == "true", "answers that come later are kept"
 
 
 def test_partial_answers_that_come_later_are_kept() -> None:

@@ -12,6 +12,7 @@ from stepped_session import SteppedSession
 
 from netboard.base.clock import now_ns
 from netboard.base.tables.experiment import MAX_TRIALS
+from netboard.base.tables.questionnaires import UNANSWERED, Form, FormQuestion, packed
 from netboard.base.tick import RENDERED, TICK_NS
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Status
@@ -49,6 +50,19 @@ def test_block_that_starts_by_itself_waits_for_the_end_of_its_rest(automatic: St
     automatic.state.rest_until_ns = 0
     automatic.tick(2 * READY_TICKS)
     assert automatic.phase != Phase.IDLE
+
+
+def test_session_goes_on_without_the_answers_that_an_operator_skips(automatic: SteppedSession) -> None:
+    automatic.finish_block()
+    form = Form((packed("after", "effort", FormQuestion()),), wait=3600.0)
+    automatic.state.forms.ask(replace(automatic.state.block.config, form=form))
+    automatic.tick(PAGE_TICKS + READY_TICKS)
+    assert automatic.block == 1, "it waits for the answers"
+    assert automatic.do("skip_form") == (True, "the session goes on without answers from left and right")
+    assert automatic.do("skip_form") == (False, "no questionnaire waits for answers")
+    assert automatic.block == 2
+    found = [event.details for event in automatic.events() if event.name == UNANSWERED]
+    assert found == [{"station": side, "block": "1", "skipped_by": "console"} for side in ("left", "right")]
 
 
 def test_pause_that_comes_with_a_fault_prevents_an_automatic_resume(automatic: SteppedSession) -> None:

@@ -7,7 +7,7 @@ from io import StringIO
 from rich.console import Console
 
 from fakes import STATUS
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import FORM_AWAITED, Status
 from netboard.nodes.operator.shell import state_text
 from netboard.nodes.operator.status_table import status_tables
 
@@ -61,6 +61,13 @@ def test_status_says_how_a_pause_ends_and_lost_trials_are_repeated() -> None:
     assert f"{notice} {repeat}; to continue without: netboard control next" in text
     assert "control end" in printed(replace(lost, block=2))
     assert "repeat_lost" not in printed(replace(lost, notice=""))
+
+
+def test_status_says_how_to_go_on_without_answers() -> None:
+    step = "to go on without the answers: netboard control skip_form"
+    assert step not in printed(replace(STATUS, phase="finished"))
+    waiting = replace(STATUS, phase="finished", notice=f"{FORM_AWAITED}left, 57 s at most")
+    assert step in " ".join(printed(waiting).split())
 
 
 def test_status_names_the_latency_in_words() -> None:

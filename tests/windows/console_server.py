@@ -18,6 +18,7 @@ from netboard.base.safeguards import Safeguard
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
+    FORM_AWAITED,
     Command,
     DeviceStatus,
     DisplayStatus,
@@ -154,6 +155,9 @@ STATES: dict[str, Status] = {
         notice="7 of 60 trials will be excluded: deadline misses",
         lost=(3, 8, 9, 21, 30, 44, 59),
         repeats=(12,),
+    ),
+    "unanswered": replace(
+        RUNNING, phase="finished", trial=60, successes=60, notice=f"{FORM_AWAITED}left and right, 57 s at most"
     ),
     "pilot": replace(RUNNING, pilot=True, consent=False, name="P01", dyad="D00"),
 }

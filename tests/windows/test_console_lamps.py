@@ -14,7 +14,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol import control
-from netboard.network.protocol.control import REPLAY_OF, LinkStatus, LoopStatus, RecordingStatus, Status
+from netboard.network.protocol.control import FORM_AWAITED, REPLAY_OF, LinkStatus, LoopStatus, RecordingStatus, Status
 from netboard.network.protocol.joining import HELLO_FIRST
 from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.ports.control_port import CommandRequest
@@ -486,6 +486,14 @@ def test_repeats_are_possible_only_if_there_is_a_trial_for_them() -> None:
     assert possible(replace(RUNNING, trial=3, phase="paused")) & repeats == {"repeat"}
     assert possible(replace(RUNNING, trial=3, phase="paused", repeats=(1, 2))) & repeats == {"veto"}
     assert possible(STATES["lost"]) & repeats == repeats
+
+
+def test_questionnaire_can_be_skipped_only_while_it_waits_for_answers() -> None:
+    over = replace(RUNNING, phase="finished")
+    assert "skip_form" not in possible(over)
+    waiting = replace(over, notice=f"{FORM_AWAITED}left, 57 s at most")
+    assert "skip_form" in possible(waiting)
+    assert words.advice(waiting, "").words.endswith("to go on without the answers, press Ctrl+F10 twice")
 
 
 @pytest.mark.parametrize("missing", ["", "the logger", AWAITING_RELEASE, f"the left {AWAITING_ARMING}"])

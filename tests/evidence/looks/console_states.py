@@ -29,6 +29,7 @@ NAMES = {
     "stopped": "stopped",
     "lost": "running",
     "lost-trials": "lost",
+    "unanswered": "unanswered",
     "finished": "finished",
 }
 """States of the fake server, by the names of the screenshots."""

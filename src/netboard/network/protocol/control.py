@@ -11,6 +11,9 @@ from netboard.task.journal.outcome import AttemptOutcome
 REPLAY_OF = "replay of "
 """Beginning of the notice of a replay, and of no other."""
 
+FORM_AWAITED = "questionnaire: waiting for "
+"""Part of the notice while a session waits for answers at the displays, and of no other."""
+
 SESSION_COMMANDS = {
     "start": "start the block",
     "pause": "interrupt the trial at once; it starts again",
@@ -29,6 +32,7 @@ SESSION_COMMANDS = {
     "repeat_lost": "add all trials of the block that the analysis will exclude, at the end of the block",
     "veto": "cancel a repeat",
     "skip": "count this trial as done without a success",
+    "skip_form": "go on without the answers that are still missing",
     "stop_after_block": "end the session after this block",
     "next": "skip the rest of the block",
     "end": "end the session and the server; it can be resumed",

@@ -8,7 +8,7 @@ from rich.text import Text
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
 from netboard.base.terminal.output import FittedTable, numbers
-from netboard.network.protocol.control import RecordingStatus, Status
+from netboard.network.protocol.control import FORM_AWAITED, RecordingStatus, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.nodes.ports.waiting import in_words
 from netboard.recording.format.disk import SLOW_SYNC_S, STALLED_SYNC_S
@@ -58,6 +58,8 @@ def next_step(status: Status) -> str:
         if status.phase == "finished":
             over = "end" if status.block == status.blocks else "next"
             steps.append(f"to continue without: netboard control {over}")
+    if FORM_AWAITED in status.notice:
+        steps.append("to go on without the answers: netboard control skip_form")
     return "; ".join(steps)
 
 

@@ -1,5 +1,6 @@
 """Transitions of a session from block to block: open, begin a block, show its last page, begin the next."""
 
+from collections.abc import Iterable
 from dataclasses import asdict
 
 from netboard.base.tables.questionnaires import UNANSWERED
@@ -79,7 +80,16 @@ class BlockChanges:
 
     def close_form(self) -> None:
         """Stop waiting for the answers to the form of the block that is over."""
-        for details in self._state.forms.close():
+        self._record_unanswered(self._state.forms.close())
+
+    def skip_form(self, by: str) -> str:
+        """Stop waiting because an operator asks so; return whose answers are missing, in words."""
+        awaited = self._state.forms.require_awaited()
+        self._record_unanswered(self._state.forms.close(by))
+        return f"the session goes on without answers from {' and '.join(awaited)}"
+
+    def _record_unanswered(self, missing: Iterable[dict[str, str]]) -> None:
+        for details in missing:
             self._state.note(UNANSWERED, details)
 
     def _begin_block(self) -> None:

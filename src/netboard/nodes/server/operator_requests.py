@@ -64,17 +64,27 @@ class OperatorRequests:
                     self._blocks.open()
                 case "confirm":
                     return Decision(True, state.confirmations.confirm(argument, request.name, state.find_stand_ins()))
-                case "repeat" | "veto" | "repeat_lost":
-                    return self._change_repeats(name, argument, decision)
                 case "note":
                     state.attempts.note(*note_of(argument, state.number))
-                case "stop_after_block" if state.phase == Phase.FINISHED and not self._blocks.coming:
-                    state.end_requested = state.operators.end_after
-                case "next":
-                    self._blocks.skip_block()
-                    return decision if state.phase == Phase.FINISHED else Decision(True, cause=Cause.STOP)
+                case _:
+                    return self._change_block(request, decision)
         except NetboardError as error:
             return Decision(False, str(error))
+        return decision
+
+    def _change_block(self, request: CommandRequest, decision: Decision) -> Decision:
+        """Carry out a command on what the block still waits for, and on what follows it."""
+        state, name = self._state, request.command.name
+        match name:
+            case "repeat" | "veto" | "repeat_lost":
+                return self._change_repeats(name, request.command.argument, decision)
+            case "skip_form":
+                return Decision(True, self._blocks.skip_form(request.name))
+            case "stop_after_block" if state.phase == Phase.FINISHED and not self._blocks.coming:
+                state.end_requested = state.operators.end_after
+            case "next":
+                self._blocks.skip_block()
+                return decision if state.phase == Phase.FINISHED else Decision(True, cause=Cause.STOP)
         return decision
 
     def _change_repeats(self, name: str, argument: str, decision: Decision) -> Decision:

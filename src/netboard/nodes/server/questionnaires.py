@@ -1,15 +1,17 @@
 """The form of a block that is over: who has still to answer it, and the answers.
 
-The next block waits until everybody who took part has answered, for `Form.wait` at most. A participant who does not
-answer is named in an event; what they had filled in by then comes when the form closes, and is recorded then.
+The next block waits until everybody who took part has answered, for `Form.wait` at most, or until an operator skips the
+form. A participant who does not answer is named in an event; what they had filled in by then comes when the form
+closes, and is recorded then.
 """
 
 from collections.abc import Iterator
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.errors import WireError
+from netboard.base.errors import NetboardError, WireError
 from netboard.base.tables.questionnaires import problems_of, questions_of
+from netboard.network.protocol.control import FORM_AWAITED
 from netboard.network.protocol.views import QuestionnaireAnswers
 from netboard.stage.curtain import make_curtain
 
@@ -53,11 +55,18 @@ class Questionnaires:
             **{name: answers.given.get(name, "") for name in questions},
         }
 
-    def close(self) -> Iterator[dict[str, str]]:
-        """Stop waiting, and yield who has not answered as event details."""
+    def close(self, skipped_by: str = "") -> Iterator[dict[str, str]]:
+        """Stop waiting, and yield who has not answered as event details; ``skipped_by``: the operator who asked so."""
+        by = {"skipped_by": skipped_by} if skipped_by else {}
         for station, block in self._waiting.items():
-            yield {"station": station, "block": str(block)}
+            yield {"station": station, "block": str(block), **by}
         self._waiting.clear()
+
+    def require_awaited(self) -> tuple[Side, ...]:
+        """Return the stations whose answers are awaited; raise NetboardError if none are."""
+        if not self._waiting:
+            raise NetboardError("no questionnaire waits for answers")
+        return tuple(self._waiting)
 
     @property
     def open(self) -> bool:
@@ -70,7 +79,7 @@ class Questionnaires:
         if not self._waiting:
             return ""
         left = max(0.0, (self._until_ns - now_ns()) * 1e-9)
-        return f"questionnaire: waiting for {' and '.join(self._waiting)}, {left:.0f} s at most"
+        return f"{FORM_AWAITED}{' and '.join(self._waiting)}, {left:.0f} s at most"
 
 
 def participant_at(config: Config, station: Side) -> str:

@@ -7,7 +7,7 @@ The emergency stop is not in the table: it is always possible.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from netboard.network.protocol.control import SHARED_COMMANDS, Status
+from netboard.network.protocol.control import FORM_AWAITED, SHARED_COMMANDS, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE, RELEASE, STOP
 from netboard.nodes.ports.waiting import in_words
 from netboard.task.trials.state_machine import WHEN, Phase
@@ -18,6 +18,9 @@ STOP_KEYS = ("Esc", "Space")
 
 CONFIRM_KEY = "Shift+F3"
 """Key of the field in which stand-ins are confirmed in words."""
+
+SKIP_FORM_KEY = "Ctrl+F10"
+"""Key that skips a questionnaire whose answers do not come."""
 
 FOR_EVERY_CONSOLE = (STOP, "take", "note")
 """Commands of consoles that are not the commander."""
@@ -108,6 +111,10 @@ def _repeat_lost(status: Status) -> str:
     return "" if status.lost else "this block has no lost trial to repeat"
 
 
+def _skip_form(status: Status) -> str:
+    return "" if FORM_AWAITED in status.notice else "no questionnaire waits for answers"
+
+
 def _veto(status: Status) -> str:
     return "" if status.repeats else "no repeat is waiting"
 
@@ -144,6 +151,14 @@ COMMANDS: tuple[OperatorCommand, ...] = (
     ),
     OperatorCommand(
         "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), confirm=True
+    ),
+    OperatorCommand(
+        "skip_form",
+        "Skip questionnaire",
+        SKIP_FORM_KEY,
+        "Go on without the answers that are still missing; what was filled in is kept.",
+        _skip_form,
+        confirm=True,
     ),
     OperatorCommand(
         "stop_after_block", "Stop after block", "F12", "End the session after this block.", _stop_after_block

@@ -13,7 +13,7 @@ from netboard.base.device_kind import MOVED_BY_SERVER, DeviceKind
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
 from netboard.base.tables.experiment import Block, Session
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import FORM_AWAITED, Status
 from netboard.nodes.ports.emergency import AWAITING_ARMING, AWAITING_RELEASE
 from netboard.nodes.ports.waiting import in_words
 from netboard.nodes.server.stand_ins import AWAITING_WORDS
@@ -21,7 +21,7 @@ from netboard.task.journal.lost import WILL_BE_EXCLUDED
 from netboard.task.journal.outcome import AttemptOutcome
 from netboard.task.trials.exclusion import ExclusionRule
 from netboard.task.trials.quality import FLAG_WORDS
-from netboard.windows.operator.commands import CONFIRM_KEY
+from netboard.windows.operator.commands import CONFIRM_KEY, SKIP_FORM_KEY
 from netboard.windows.operator.lamps import ACTIVE, OVER, SILENT, Lamp, LampLevel, replayed
 
 PHASES = {
@@ -218,8 +218,10 @@ def _next(status: Status) -> str:
     which = "it" if len(status.lost) == 1 else f"these {len(status.lost)}"
     repeat = f"to repeat {which}, press Ctrl+F9" if WILL_BE_EXCLUDED in status.notice and status.lost else ""
     if status.phase == "finished":
+        form = f"to go on without the answers, press {SKIP_FORM_KEY} twice" if FORM_AWAITED in status.notice else ""
         over = "to end the session, press Ctrl+E twice" if last_block(status) else ""
-        return "; ".join(filter(None, (repeat, over or (repeat and "to continue without them, press Ctrl+N twice"))))
+        end = over or (repeat and "to continue without them, press Ctrl+N twice")
+        return "; ".join(filter(None, (form, repeat, end)))
     key, does = {"idle": ("F2", "start the block"), "paused": ("F7", "resume")}.get(status.phase, ("", ""))
     step = does and f"to {does}, press {key if status.armed else f'F1 to arm the devices, then {key}'}"
     return "; ".join(filter(None, (step, repeat)))
