@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from netboard.base.files.figure import save_figure
-from netboard.training.learning import PROGRESS, TrainingRound
+from netboard.training.progress import PROGRESS, TrainingRound
 from netboard.training.results import figure_of
 
 IMAGE = Path(__file__).parent / "images" / "training.png"

@@ -45,7 +45,7 @@ def partner(
     from netboard.base.process.stopping import interrupted_by_stop_signals
     from netboard.base.terminal.bars import telling
     from netboard.base.terminal.output import plain_console
-    from netboard.training.learning import TrainingRequest
+    from netboard.training.progress import TrainingRequest
     from netboard.training.session import TrainingSession
 
     request = TrainingRequest(seed=seed, rounds=rounds, units=units)

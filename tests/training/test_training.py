@@ -1,5 +1,6 @@
 """Training where its libraries are installed: very short, resumed with the same bits, and evaluated."""
 
+import hashlib
 import json
 from math import isnan, nan
 from pathlib import Path
@@ -15,8 +16,9 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.participants.robots.learned import read_weights
 from netboard.services.cli import app
-from netboard.training.learning import CHECKPOINT, PROGRESS, Training, TrainingRequest
+from netboard.training.learning import Training
 from netboard.training.population import HELD_OUT, Population
+from netboard.training.progress import PROGRESS, TrainingFolder, TrainingInputs, TrainingRequest
 from netboard.training.selection import RoundPlayed, best_round, play_round
 from netboard.training.session import TrainingSession
 from netboard.training.weights import write_weights
@@ -32,33 +34,33 @@ def people(seed: int = 1) -> list:
     return Population(read_posterior(), Config().participant).learning(seed, SHORT.people)
 
 
-def weights(training: Training) -> bytes:
-    return b"".join(array.tobytes() for layer in training.network().layers for array in layer)
+def training(folder: Path, request: TrainingRequest = SHORT, *, resume: bool = False) -> Training:
+    inputs = TrainingInputs(request, "ab" * 32, Config())
+    return Training(request, Config(), people(), TrainingFolder(folder, inputs, resume=resume))
+
+
+def weights(trained: Training) -> bytes:
+    return b"".join(array.tobytes() for layer in trained.network().layers for array in layer)
 
 
 def test_resumed_training_has_the_bits_of_one_that_was_not_interrupted(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
-    one.mkdir()
-    two.mkdir()
-    whole = Training(SHORT, Config(), people(), one)
+    whole = training(one)
     assert [found.steps for found in whole.rounds()] == [2048, 4096]
-    next(Training(SHORT, Config(), people(), two).rounds())
-    resumed = Training(SHORT, Config(), people(), two, resume=True)
+    next(training(two).rounds())
+    resumed = training(two, resume=True)
     assert [found.round for found in resumed.rounds()] == [2]
     assert weights(resumed) == weights(whole)
 
 
-def test_other_options_and_broken_checkpoints_are_refused(tmp_path: Path) -> None:
-    next(Training(SHORT, Config(), people(), tmp_path).rounds())
-    other = TrainingRequest(seed=2, rounds=2, updates=1, people=2, boards=16, units=8)
-    with pytest.raises(ConfigError, match="expected the same options"):
-        Training(other, Config(), people(), tmp_path, resume=True)
-    (tmp_path / CHECKPOINT).write_bytes(b"no checkpoint")
-    with pytest.raises(ConfigError, match=r"checkpoint.pt: expected a checkpoint of this training"):
-        Training(SHORT, Config(), people(), tmp_path, resume=True)
-    (tmp_path / PROGRESS).write_text("{}")
-    with pytest.raises(ConfigError, match=r"progress.json: expected the progress of netboard train partner"):
-        Training(SHORT, Config(), people(), tmp_path, resume=True)
+def test_checkpoint_that_is_none_of_pytorch_is_refused(tmp_path: Path) -> None:
+    next(training(tmp_path).rounds())
+    checkpoint, progress = tmp_path / "checkpoint-1.pt", tmp_path / PROGRESS
+    before = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+    checkpoint.write_bytes(b"no checkpoint")
+    progress.write_text(progress.read_text().replace(before, hashlib.sha256(b"no checkpoint").hexdigest()))
+    with pytest.raises(ConfigError, match=r"checkpoint-1.pt: expected a checkpoint of this training"):
+        training(tmp_path, resume=True)
 
 
 def test_training_leaves_weights_with_a_card_a_table_and_a_figure(tmp_path: Path) -> None:

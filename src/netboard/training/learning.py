@@ -7,9 +7,7 @@ Rule 1: PyTorch runs in one thread; more slow it down with networks as small as 
 and JSON; reading one runs no code from it.
 """
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import monotonic, process_time
 
@@ -20,20 +18,12 @@ from stable_baselines3.common.utils import set_random_seed
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.files.new import new_file
-from netboard.base.files.text import read_text
-from netboard.base.settings import parse_json
 from netboard.base.tables.simulated import Participant
 from netboard.participants.robots.network import TrainedNetwork
 from netboard.training.boards import PopulationBoards, relaxed
+from netboard.training.progress import STEPS, TrainingFolder, TrainingRequest, TrainingRound
 from netboard.training.warm_start import imitate, samples_of, teacher_of
 from netboard.training.weights import weights_of_round, write_weights
-
-CHECKPOINT, PROGRESS = "checkpoint.pt", "progress.json"
-"""Files of a checkpoint: the weights and the state of the optimiser, and the learning curve so far."""
-
-STEPS = 64
-"""Steps of each board between two updates of the network [1]."""
 
 LEARNING_RATES = (7e-4, 2e-4)
 """Learning rate in the first round and the last; it falls by the same factor from round to round [1]."""
@@ -43,56 +33,14 @@ EXPLORATION = (0.2, 0.08)
 it: the noise moves a ball on that has come to rest beside the target."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrainingRequest:
-    """A training.
-
-    ``rounds`` of ``updates`` updates each, with ``people`` participants and ``boards`` of each. Two hidden layers of
-    ``units`` units.
-    """
-
-    seed: int = 1
-    rounds: int = 6
-    updates: int = 8
-    people: int = 16
-    boards: int = 16
-    units: int = 32
-
-    @property
-    def steps(self) -> int:
-        """Environment steps of the whole training."""
-        return self.rounds * self.steps_of_round
-
-    @property
-    def steps_of_round(self) -> int:
-        """Environment steps of a round."""
-        return self.updates * STEPS * self.people * self.boards
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingRound:
-    """A point of the learning curve: the episodes that ended in a round, with the noise of exploration."""
-
-    round: int
-    steps: int
-    episodes: int
-    success: float  # share of them [1]
-    truncated: float  # share that took too long [1]
-    seconds: float  # mean length of the successful ones; NaN without any [s]
-    exploration: float  # standard deviation of an action [1]
-    cpu_seconds: float  # processor time of the training so far [s]
-    wall_seconds: float  # elapsed time of the training so far [s]
-
-
 class Training:
-    """A training under way; ``folder`` keeps its checkpoints."""
+    """A training under way; ``folder`` keeps its checkpoints, and has the rounds that were run before."""
 
     def __init__(
-        self, request: TrainingRequest, config: Config, people: list[Participant], folder: Path, *, resume: bool = False
+        self, request: TrainingRequest, config: Config, people: list[Participant], folder: TrainingFolder
     ) -> None:
         torch.set_num_threads(1)
         self.request, self._folder, self._config = request, folder, config
-        self.curve: list[TrainingRound] = []
         self._boards = PopulationBoards(relaxed(config), people, request.boards)
         self._model = PPO(
             "MlpPolicy",
@@ -110,8 +58,13 @@ class Training:
             policy_kwargs={"net_arch": [request.units, request.units]},
         )
         self._model.policy.log_std.requires_grad_(False)  # its schedule is ours
-        if resume:
-            self._load()
+        if (checkpoint := folder.checkpoint) is not None:
+            self._load(checkpoint)
+
+    @property
+    def curve(self) -> list[TrainingRound]:
+        """The learning curve so far."""
+        return self._folder.curve
 
     def _scheduled(self, ends: tuple[float, float]) -> float:
         """Return a quantity of the present round that falls geometrically from its first value to its last."""
@@ -121,8 +74,7 @@ class Training:
     def rounds(self) -> Iterator[TrainingRound]:
         """Run the rounds that are still to be run; each is saved before it is yielded."""
         while len(self.curve) < self.request.rounds:
-            self.curve.append(self._run())
-            self._save()
+            self._save(self._run())
             yield self.curve[-1]
 
     def _warm_start(self) -> None:
@@ -173,20 +125,15 @@ class Training:
         ]
         return TrainedNetwork(tuple(arrays), {})
 
-    def _save(self) -> None:
-        """Write the weights of the round, and a checkpoint."""
+    def _save(self, done: TrainingRound) -> None:
+        """Write the weights of a round, and a checkpoint."""
         policy = self._model.policy
-        write_weights(weights_of_round(self._folder, len(self.curve)), self.network(), force=True)
-        with new_file(self._folder / CHECKPOINT, force=True) as part:
-            torch.save({"policy": policy.state_dict(), "optimizer": policy.optimizer.state_dict()}, part)
-        progress = {"request": asdict(self.request), "curve": [asdict(one) for one in self.curve]}
-        with new_file(self._folder / PROGRESS, force=True) as part:
-            part.write_text(json.dumps(progress, indent=1), encoding="utf-8")
+        write_weights(weights_of_round(self._folder.path, done.round), self.network(), force=True)
+        state = {"policy": policy.state_dict(), "optimizer": policy.optimizer.state_dict()}
+        self._folder.save(done, lambda path: torch.save(state, path))
 
-    def _load(self) -> None:
+    def _load(self, path: Path) -> None:
         """Continue from a checkpoint."""
-        path = self._folder / CHECKPOINT
-        self.curve = _curve_of(self._folder / PROGRESS, self.request)
         try:
             found = torch.load(path, weights_only=True)
             self._model.policy.load_state_dict(found["policy"])
@@ -199,17 +146,3 @@ class Training:
 def _seed_of(*numbers: int) -> int:
     """Return a seed that differs for each sequence of numbers."""
     return int(np.random.SeedSequence(numbers).generate_state(1)[0]) // 2
-
-
-def _curve_of(path: Path, request: TrainingRequest) -> list[TrainingRound]:
-    """Read the learning curve of a checkpoint."""
-    text = read_text(path, "no such file; expected a folder of netboard train partner, to resume it")
-    try:
-        found = parse_json(text)
-        rounds = [TrainingRound(**one) for one in found["curve"]]
-        began = TrainingRequest(**found["request"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: expected the progress of netboard train partner ({error!r})") from error
-    if began != request:
-        raise ConfigError(f"{path}: was begun with {began}, expected the same options: {request}")
-    return rounds

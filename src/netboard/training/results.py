@@ -11,7 +11,7 @@ from netboard.base.files.cells import CsvWriter
 from netboard.base.files.figure import save_figure
 from netboard.base.files.new import new_file
 from netboard.training.evaluation import Evaluation
-from netboard.training.learning import TrainingRequest, TrainingRound
+from netboard.training.progress import TrainingRequest, TrainingRound
 from netboard.training.selection import RoundPlayed
 
 CURVE, FIGURE = "curve.csv", "curve.png"

@@ -5,12 +5,11 @@ from pathlib import Path
 
 from netboard.analysis.cohort.posterior import read_posterior
 from netboard.base.config import Config
-from netboard.base.errors import ConfigError, NetboardError, writing
-from netboard.base.files.new import refuse_existing
 from netboard.participants.robots.learned import read_weights
 from netboard.training.evaluation import Evaluation, Tell, evaluate
-from netboard.training.learning import PROGRESS, Training, TrainingRequest
+from netboard.training.learning import Training
 from netboard.training.population import HELD_OUT, Population
+from netboard.training.progress import TrainingFolder, TrainingInputs, TrainingRequest
 from netboard.training.results import card_of, write_curve
 from netboard.training.selection import PLAYED_WITH, RoundPlayed, best_round, play_round
 from netboard.training.weights import WEIGHTS, weights_of_round, write_weights
@@ -25,16 +24,9 @@ class TrainingSession:
         self._request, self._config, self._folder = request, config, folder
         self._posterior = read_posterior(posterior)
         self._population = Population(self._posterior, config.participant)
-        if resume:
-            refuse_existing(folder / WEIGHTS, ": this training is finished")
-        elif (folder / PROGRESS).exists():
-            raise ConfigError(f"{folder}: has a training already; name another folder, or continue it by --resume")
-        else:
-            refuse_existing(folder)
-            with writing(folder, NetboardError):
-                folder.mkdir(parents=True)
         self._people = self._population.learning(request.seed, request.people)
-        self._training = Training(request, config, self._people, folder, resume=resume)
+        inputs = TrainingInputs(request, self._posterior.sha256, config)
+        self._training = Training(request, config, self._people, TrainingFolder(folder, inputs, resume=resume))
 
     def run(self, tell: Tell, *, held_out: int, trials: int) -> Evaluation:
         """Run the rounds that are missing, keep the best one, and evaluate it; return its results."""
