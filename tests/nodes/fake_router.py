@@ -5,8 +5,10 @@ from collections import deque
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.nodes.ports.welcomes import RECEIVERS
 
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
+WELCOMES = dict.fromkeys(RECEIVERS, WELCOME)
 
 
 class FakeRouter:

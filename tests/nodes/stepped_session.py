@@ -40,7 +40,13 @@ class SteppedSession:
     """A session whose ticks find the samples of two armed devices, which do not move."""
 
     def __init__(
-        self, folder: Path, context: sockets.Context, *settings: str, autostart: bool = False, pilot: bool = True
+        self,
+        folder: Path,
+        context: sockets.Context,
+        *settings: str,
+        autostart: bool = False,
+        pilot: bool = True,
+        study: str = STUDY,
     ) -> None:
         own = (
             f"network.port={free_port()}",
@@ -50,7 +56,7 @@ class SteppedSession:
             "session.participant_b=P02",
         )
         config = parse("", "rig", (*own, *SETTINGS, *settings))
-        self.planned = Planned(config, parse_study(STUDY), StudySession("small", 1))
+        self.planned = Planned(config, parse_study(study), StudySession("small", 1))
         self.session = DyadSession(*self.planned.begin(), context, None, autostart=autostart)
         self.state = self.session._state
         self.state.ports.motion.find_missing = lambda now_ns, needed: []  # type: ignore[method-assign]

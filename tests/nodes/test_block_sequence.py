@@ -81,7 +81,7 @@ def test_each_block_is_prepared() -> None:
     sequence = BlockSequence(configs(), BlockFactory())
     blocks = [sequence.block, *(sequence.next() for _ in range(3))]
     for block in blocks:
-        assert parse(block.text, "test") == block.config
+        assert parse(block.texts.full, "test") == block.config
         assert int(block.stage.initial()["phase"][0]) == Phase.IDLE
         assert block.curtain.block == block.config.block.number
     assert [block.people for block in blocks] == [("left", "right"), ("left", "right"), ("right",), ("left", "right")]
@@ -113,7 +113,7 @@ def test_opening_with_a_form_rebuilds_all_blocks() -> None:
     assert factory.sessions == [form]
     assert sequence.block.config.session == form
     assert sequence.block.config.block == before.config.block
-    assert 'dyad = "D17"' in sequence.block.text
+    assert 'dyad = "D17"' in sequence.block.texts.full
     assert sequence.next().config.session == form
     assert sequence.block.latency is not None
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from fake_router import WELCOME, FakeRouter, hello
+from fake_router import WELCOME, WELCOMES, FakeRouter, hello
 
 from fakes import STATUS, Answers
 from netboard.network.protocol.control import (
@@ -21,6 +21,7 @@ from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.views import Frames
 from netboard.nodes.ports.control_port import ALLOWED_MESSAGES, CONNECTION_CHECK_NS, MAX_PEERS, ControlPort
 from netboard.nodes.ports.peer import PING_NS, SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.welcomes import RECEIVERS
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 D, C = b"display.left@1", b"console@1"
@@ -31,7 +32,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.router = FakeRouter()
-        self.port = ControlPort(self.router, WELCOME)  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, WELCOMES)  # type: ignore[arg-type]
         assert isinstance(self.exchange(D, hello("display", "left"))[0], Welcome)
         assert isinstance(self.exchange(C, hello("console"))[0], Welcome)
 
@@ -213,11 +214,11 @@ def test_commands_of_a_peer_that_answers_no_pings_are_never_late() -> None:
 
 def test_undelivered_block_change_is_sent_again() -> None:
     router = FakeRouter(room=1)
-    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOMES)  # type: ignore[arg-type]
     router.send_from(b"console", hello("console"))
     port.drain(lambda: 0)
     another = replace(WELCOME, config="another block")
-    port.renew(another)
+    port.renew(dict.fromkeys(RECEIVERS, another))
     assert router.received_by(b"console") == [WELCOME]
     port.pump(0)
     assert router.received_by(b"console") == [another]
@@ -225,7 +226,7 @@ def test_undelivered_block_change_is_sent_again() -> None:
 
 def test_departed_peers_with_full_queues_leave_no_pending_messages() -> None:
     router = FakeRouter(room=0)  # no peer reads its messages
-    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOMES)  # type: ignore[arg-type]
     for number in range(2000):
         router.send_from(b"display.left@%d" % number, hello("display", "left"))
         router.send_from(b"console@%d" % number, hello("console"))

@@ -19,6 +19,7 @@ from netboard.nodes.ports.control_port import ALLOWED_MESSAGES, MAX_FRAMES, MAX_
 from netboard.nodes.ports.control_port import SILENCE_TIMEOUT_NS as CONTROL_TIMEOUT_NS
 from netboard.nodes.ports.log_port import MAX_LOGGERS
 from netboard.nodes.ports.subscribers import SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.welcomes import RECEIVERS
 from netboard.recording.files.reader import Recording
 
 MS = 1_000_000
@@ -111,7 +112,7 @@ class ControlRig:
 
     def __init__(self) -> None:
         self.router, self.clock = FakeRouter(), FakeClock()
-        self.port = ControlPort(self.router, Welcome("s", PROTOCOL_VERSION, 0, ""))  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, dict.fromkeys(RECEIVERS, Welcome("s", PROTOCOL_VERSION, 0, "")))  # type: ignore[arg-type]
 
     def tick(self) -> None:
         self.clock.advance(1e-3)

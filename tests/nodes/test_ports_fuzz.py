@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_router import WELCOME, FakeRouter, hello
+from fake_router import WELCOME, WELCOMES, FakeRouter, hello
 from motion_rig import MotionRig
 
 from evidence.faults.malformed_frames import MalformedFrames, valid_frames
@@ -112,7 +112,7 @@ def test_motion_port_handles_any_message(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_control_port_handles_any_message(seed: int) -> None:
     rng, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
-    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOMES)  # type: ignore[arg-type]
     for tick, (peer, message) in enumerate(islice(random_messages(rng, clock), MESSAGES)):
         router.send_from(peer, message)
         port.drain(clock)

@@ -6,7 +6,7 @@ from itertools import count
 
 import numpy as np
 import pytest
-from fake_router import WELCOME, FakeRouter, hello
+from fake_router import WELCOME, WELCOMES, FakeRouter, hello
 
 from fakes import FakeClock
 from netboard.network.protocol.joining import Goodbye, Ping, Pong
@@ -24,7 +24,7 @@ class ControlRig:
 
     def __init__(self) -> None:
         self.router = FakeRouter()
-        self.port = ControlPort(self.router, WELCOME)  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, WELCOMES)  # type: ignore[arg-type]
         self.records: list[ClockRecord] = []
         self.clocks: dict[bytes, int] = {}
         self.pending: list[tuple[int, bytes, Pong]] = []
@@ -167,7 +167,7 @@ def test_pong_with_impossible_stamps_is_not_recorded() -> None:
 
 def test_pong_arriving_during_a_drain_is_stamped_after_it_was_sent() -> None:
     router, clock = FakeRouter(), FakeClock()
-    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOMES)  # type: ignore[arg-type]
     router.send_from(b"one", hello("display", "left"))
     port.drain(clock)
     assert router.received_by(b"one") == [WELCOME, Ping(clock())]

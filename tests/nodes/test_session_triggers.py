@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fake_router import WELCOME, FakeRouter, hello
+from fake_router import WELCOMES, FakeRouter, hello
 from stepped_session import SteppedSession
 
 from netboard.base.errors import WireError
@@ -233,7 +233,7 @@ def test_events_of_a_trial_are_sent_with_their_own_ticks(stepped: SteppedSession
 
 def test_trigger_box_may_report_and_nothing_else() -> None:
     router = FakeRouter()
-    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOMES)  # type: ignore[arg-type]
     for message in (hello("trigger"), READY, StatusRequest()):
         router.send_from(BOX, message)
     while port.drain(lambda: 0):

@@ -59,6 +59,9 @@ MOVED_BY_SERVER = {"robot": "robot partner, moved by the server", "still": "held
 """Text of each hand that no agent moves, by its mover in ``[block]``. The server moved robots in recordings from before
 agents did."""
 
+HIDDEN, HIDDEN_TEXT = "hidden", "not shown, because the block is blinded"
+"""Kind and text of what each hand holds in a blinded block."""
+
 UNMEASURED = {"profile_calibrated": "never calibrated", "profile_identified": "mass not identified"}
 """Details of an agent that say when its device was measured, each with the text where it never was."""
 

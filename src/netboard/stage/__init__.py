@@ -3,7 +3,8 @@
 Open `stage.py`: the samples of both styluses and a command go in; state, forces and events come out. The server runs
 it live, `replay --verify` over a recording, `simulate` and rehearsals faster than real time, and all get the same
 bits. `styluses.py`, `trial_steps.py` and `perturbing.py` are its parts. `curtain.py` is the only place that makes a
-`View`: what a participant sees of a tick. This wing uses no clock, no socket and no file.
+`View`: what a participant sees of a tick, and `blinding.py` keeps from displays and consoles which partner is at a
+seat. This wing uses no clock, no socket and no file.
 
 Parameters
 ----------

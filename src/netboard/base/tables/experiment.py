@@ -96,6 +96,9 @@ class Block:
         ),
     ] = PERSON
     right: Annotated[str, about("mover of the right hand, likewise", form=LABEL)] = PERSON
+    blinded: Annotated[
+        StrictBool, about("true: operators do not see whether a person or which robot partner moves a hand")
+    ] = False
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MAX_TRIALS)] = 60
     duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"

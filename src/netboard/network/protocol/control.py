@@ -235,7 +235,7 @@ class Status:
     loops : tuple of LoopStatus
         For each connected agent: its role, its recent sample-to-force latency, from reading the stylus to rendering the
         force computed from it (NaN: unknown), and the largest latency with which its device is stable without a hand
-        [s, s].
+        [s, s]. None in a blinded block.
     name, dyad, study : str
         Labels of the session: its name, dyad and study.
     pilot, consent : bool
@@ -249,7 +249,7 @@ class Status:
     block, blocks : int
         Number of the block in its plan, from 1, and number of blocks [1].
     label : str
-        Label of the block.
+        Label of the block; empty in a blinded block.
     condition : str
         Its configuration and force condition, in words.
     rest : float
@@ -274,8 +274,8 @@ class Status:
         Trials whose repeats at the end of the block have not begun [1].
     devices : tuple of DeviceStatus
         For each hand that a device or the server moves: its side; kind of the device (``haptic``, ``input``,
-        ``pointer``, ``simulated``, ``playback``, ``undeclared``), or ``robot`` or ``still`` where the server moves it;
-        model and serial number (64 characters of each); and all of it in words.
+        ``pointer``, ``simulated``, ``playback``, ``robot``, ``undeclared``), ``still`` where the server moves it, or
+        ``hidden`` in a blinded block; model and serial number (64 characters of each); and all of it in words.
     displays : tuple of DisplayStatus
         For each station with a display: its side, and Qt's name of the platform that draws it (``offscreen``: nobody
         sees it).

@@ -55,6 +55,7 @@ from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.agent.rules import LIMITED, RuleKernels, Rules, rules_of
 from netboard.nodes.ports.latency import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
+from netboard.stage.blinding import ANOTHER_HOLDER
 
 log = logging.getLogger(__name__)
 
@@ -146,13 +147,14 @@ class AgentNode:
 
     def _take_holder(self, holder: Holder) -> None:
         """Serve the device of another holder from now on; the one before has zero force."""
-        self._link.part("the block has another holder of the stylus")
+        self._link.part(ANOTHER_HOLDER)
         self._holder, self._rendered = holder, 0.0
         self._device, self._source, self._safety = holder.device, holder.source, holder.safety
         self._arming.keep_stop(self._safety)
         self._rules = self._current_rules()
         introduced = introduction(self._side, holder.config, self._device.info, holder.identity)
-        log.info("%s hand: %s", self._side, held_by(introduced.details).text)
+        if not self._holders.blinded:
+            log.info("%s hand: %s", self._side, held_by(introduced.details).text)
         self._link.introduce(introduced)
 
     def _undisturbed_ticks(self) -> Kernel | None:

@@ -74,7 +74,8 @@ class Holders:
         self._side, self._own, self._context = side, own, context
         self._partners: dict[tuple[str, str], Holder] = {}  # by name and parameters
         self._reader = ThreadPoolExecutor(1, "holder", beside_loop)
-        self._coming: Future[Holder] | None = None
+        self._coming: Future[tuple[Holder, bool]] | None = None
+        self.blinded = False  # whether operators may not see who holds the stylus in the newest block
 
     def begin(self, text: str) -> None:
         """Choose the holder for the block of a configuration."""
@@ -86,7 +87,8 @@ class Holders:
             return None
         coming, self._coming = self._coming, None
         try:
-            return coming.result()
+            holder, self.blinded = coming.result()
+            return holder
         except NetboardError as error:  # the server waits, and says for what
             log.error("the robot partner of the block cannot be seated: %s", error)
             return None
@@ -106,9 +108,12 @@ class Holders:
         for holder in self._partners.values():
             holder.device.close()
 
-    def _chosen(self, text: str) -> Holder:
-        """Return the holder for a block; its partner is made, if it is a new one."""
+    def _chosen(self, text: str) -> tuple[Holder, bool]:
+        """Return the holder for a block, and whether the block is blinded; a partner is made, if it is a new one."""
         config = block_of(self._own.config, text)
+        return self._holder_for(config), config.block.blinded
+
+    def _holder_for(self, config: Config) -> Holder:
         mover = getattr(config.block, self._side)
         if mover in (PERSON, STILL):
             return self._own

@@ -24,6 +24,7 @@ from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, H
 from netboard.network.transport import fastpath, sockets
 from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
+from netboard.stage.blinding import ANOTHER_HOLDER
 
 log = logging.getLogger(__name__)
 
@@ -207,6 +208,7 @@ class MotionLink:
         self.introduce(hello)
         self._hello_ns = -HELLO_INTERVAL_NS
         self.refusal = ""  # why the server has refused this agent for `REFUSED_NS`, so that it gives up
+        self._logged = ""  # session that has its line in the log
         self._refused = ""
         self._refused_since_ns = self._refused_ns = -REFUSAL_GAP_NS
         self.server_silent = False  # whether it fell silent during the session
@@ -310,8 +312,10 @@ class MotionLink:
                 self.block = block
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
+                self._logged = ""
                 self._set_session("")
             case Refusal(reason=reason) if reason == HELLO_FIRST:  # it has forgotten this agent: samples are in vain
+                self._logged = ""
                 self._set_session("")
             case Refusal(reason=reason):
                 self._take_refusal(reason, now_ns())
@@ -336,12 +340,18 @@ class MotionLink:
         self._close_loop(self.state, at_ns)
 
     def part(self, reason: str) -> None:
-        """Leave the session with a goodbye, trying again while samples fill the queue."""
+        """Leave the session with a goodbye, trying again while samples fill the queue.
+
+        To return with another holder is no news: the log then has no line of the session, because a blinded block would
+        be told from others by it.
+        """
         for _ in range(GOODBYE_ATTEMPTS):
             if sockets.send(self._socket, encode(Goodbye(reason))):
                 break
             Pacer(now_ns() + TICK_NS).wait()
         self._set_session("")
+        if reason != ANOTHER_HOLDER:
+            self._logged = ""
 
     def leave(self, reason: str) -> None:
         """Say goodbye and close."""
@@ -359,7 +369,9 @@ class MotionLink:
         """Enter a session; in a new one nothing of the old one counts."""
         self._refused = ""
         if session != self._session:
-            log.info("in session %s", session[:8])
+            if session != self._logged:
+                log.info("in session %s", session[:8])
+            self._logged = session
             self._set_session(session)
 
     def _set_session(self, session: str) -> None:

@@ -9,7 +9,7 @@ an answer to an operator) is done in pieces between ticks, when the session asks
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from netboard.base.config import SIDES, Side
@@ -99,16 +99,19 @@ class CommandRequest(NamedTuple):
 
 
 class ControlPort:
-    """Peers on the control channel, their commands and their reports of painted frames."""
+    """Peers on the control channel, their commands and their reports of painted frames.
 
-    def __init__(self, router: endpoints.Router, welcome: Welcome) -> None:
+    ``welcomes``: for each of `netboard.nodes.ports.welcomes.RECEIVERS`, because they get different configurations.
+    """
+
+    def __init__(self, router: endpoints.Router, welcomes: Mapping[str, Welcome]) -> None:
         self.requests: list[CommandRequest] = []
         self.answers: deque[QuestionnaireAnswers] = deque()
         self.news: News = []
         self.refusals = Refusals(router, self.news)
         self.triggers = TriggerPeers(router)
         self._router = router
-        self._welcome = encode(welcome)
+        self._welcomes = {receiver: encode(welcome) for receiver, welcome in welcomes.items()}
         self._peers: dict[bytes, ProbedPeer] = {}
         self._silent: set[bytes] = set()
         self._rate_limit, self._command_limit = RateLimit(), RateLimit(COMMANDS_HZ, COMMANDS_AT_ONCE)
@@ -195,11 +198,15 @@ class ControlPort:
         """Return the newest raw probe of each peer with the current estimate, numbered from `seq`."""
         return self._probes.records(self._peers.values(), seq)
 
-    def renew(self, welcome: Welcome) -> None:
-        """Send the welcome of a new block to all peers."""
-        self._welcome = encode(welcome)
-        for name in self._peers:
-            self._router.send_or_queue(name, self._welcome)
+    def renew(self, welcomes: Mapping[str, Welcome]) -> None:
+        """Send the welcomes of a new block to all peers."""
+        self._welcomes = {receiver: encode(welcome) for receiver, welcome in welcomes.items()}
+        for name, peer in self._peers.items():
+            self._router.send_or_queue(name, self._welcome_of(peer.hello))
+
+    def _welcome_of(self, hello: Hello) -> bytes:
+        """Return the welcome for a peer."""
+        return self._welcomes[role_and_side(hello.role, hello.side)]
 
     def reply(self, request: CommandRequest, accepted: bool, reason: str) -> None:
         """Reply to the peer that sent a command; a reason that quotes a long argument is cut."""
@@ -291,7 +298,7 @@ class ControlPort:
             self._add_event("joined", hello, now_ns)
         self._peers[name] = peer = peer or ProbedPeer(hello, now_ns)
         self._find_triggers()
-        self._router.send_or_queue(name, self._welcome)
+        self._router.send_or_queue(name, self._welcome_of(hello))
         self._ping(name, peer, now_ns)  # its answer precedes any command, so that a late command is known as such
 
     def _make_room(self, role: str, now_ns: int) -> None:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, Side
 from netboard.network.protocol.control import RefusalCount
-from netboard.network.protocol.joining import Welcome
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.network.transport.waiting import waitable
@@ -17,6 +16,7 @@ from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.motion_port import MotionPort
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
+from netboard.nodes.ports.welcomes import Welcomes
 from netboard.recording.recovery.spill import Spill, spill_path
 
 RING_SHARE = 1.5
@@ -30,8 +30,9 @@ class Ports:
     """All ports of a session. ``authenticator`` is None without authentication."""
 
     def __init__(
-        self, config: Config, welcome: Welcome, context: sockets.Context, authenticator: Authenticator | None
+        self, config: Config, welcomes: Welcomes, context: sockets.Context, authenticator: Authenticator | None
     ) -> None:
+        welcome = welcomes.full
         network = config.network
         where = channels.addresses(network, authenticator)
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
@@ -39,7 +40,7 @@ class Ports:
         self.motion = MotionPort(
             motion, welcome, int(network.sample_timeout_ms * 1e6), int(network.clock_bound_ms * 1e6)
         )
-        self.control = ControlPort(control, welcome)
+        self.control = ControlPort(control, welcomes.shown)
         spill = Spill(spill_path(config, welcome.session), welcome, int(network.log_spill_mb * 1e6))
         ring = int(network.log_ring_s * 1000 * RING_SHARE)
         self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
@@ -47,11 +48,11 @@ class Ports:
         # Numbers of the files that wake the session when a message arrives: motion, control.
         self.files = waitable(motion.socket.fileno()), waitable(control.socket.fileno())
 
-    def renew(self, welcome: Welcome, ends: NDArray[np.float64], people: tuple[Side, ...]) -> None:
+    def renew(self, welcomes: Welcomes, ends: NDArray[np.float64], people: tuple[Side, ...]) -> None:
         """Send the welcome of a new block to all peers. ``people``: the sides whose hand is a person's."""
-        self.motion.renew(welcome, ends, people)
-        self.control.renew(welcome)
-        self.log.renew(welcome)
+        self.motion.renew(welcomes.full, ends, people)
+        self.control.renew(welcomes.shown)
+        self.log.renew(welcomes.full)
         self.views.renew()
 
     @property

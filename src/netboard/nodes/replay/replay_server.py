@@ -18,14 +18,13 @@ from netboard.base.tables.rig import Network
 from netboard.base.terminal.logs import log_to_stderr
 from netboard.base.terminal.output import plain_console
 from netboard.network import keys
-from netboard.network.protocol.joining import Welcome
-from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, endpoints, poller, sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.operator.keyboard import Keyboard
 from netboard.nodes.ports.control_port import CommandRequest, ControlPort
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
+from netboard.nodes.ports.welcomes import unblinded, welcomes_of
 from netboard.nodes.replay.replay_answers import ReplayAnswers, ReplayState
 from netboard.nodes.server.event_log import printable, printable_line
 from netboard.recording.replay.commands import KEYS, KEYS_LINE, ReplayCommand, in_words, run_command
@@ -98,8 +97,8 @@ class ReplayServer:
         self._over = False
         where = channels.addresses(network, authenticator)
         control = sockets.control_server(context, where.listen(channels.CONTROL))
-        welcome = Welcome(self.state.session, PROTOCOL_VERSION, now_ns(), recording.text)
-        self.control = ControlPort(control, welcome)
+        texts = unblinded(recording.config, recording.text)
+        self.control = ControlPort(control, welcomes_of(texts, self.state.session).shown)
         self._answers = ReplayAnswers(self.state, self.control)
         self._views = ViewPort(network, context, authenticator)
         what = f"this is a replay of {recording.name}"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.device_kind import MOVED_BY_SERVER, held_by
+from netboard.base.device_kind import HIDDEN, HIDDEN_TEXT, MOVED_BY_SERVER, held_by
 from netboard.base.tables.experiment import MAX_TRIALS, STILL
 from netboard.network.protocol.control import (
     DeviceStatus,
@@ -27,6 +27,7 @@ from netboard.network.protocol.control import (
 )
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.nodes.server.state import SessionState
+from netboard.stage.blinding import for_operator
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import Phase
 
@@ -59,7 +60,7 @@ class SessionAnswers:
         agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
         loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.subscribers)
         asked, said = session.questionnaires and f"ask now: {session.questionnaires}", session.supervisor.notice
-        found = session.find_stand_ins()
+        found = session.shown_stand_ins()
         unconfirmed = session.confirmations.unconfirmed(found)
         troubles = (
             session.forms.notice,
@@ -84,7 +85,7 @@ class SessionAnswers:
             notice="; ".join(filter(None, (asked, said, *(one for one in troubles if one not in said)))),
             links=(*ports.motion.links(now), *ports.log.links(now), *ports.control.links(now)),
             loops=self._loops(),
-            **plan_of(config),
+            **plan_of(for_operator(config)),
             opened=session.operators.opened,
             armed=session.operators.armed,
             commander=session.operators.name if ports.control.is_present(session.operators.commander) else "",
@@ -110,17 +111,26 @@ class SessionAnswers:
         return missing
 
     def _devices(self) -> Iterator[DeviceStatus]:
-        """Yield what each hand holds that a device or the server moves."""
+        """Yield what each hand holds that a device or the server moves; not what it is in a blinded block."""
         session = self._state
         for side in SIDES:
-            mover, agent = getattr(session.block.config.block, side), session.ports.motion.agents[side]
-            if mover == STILL:
+            block, agent = session.block.config.block, session.ports.motion.agents[side]
+            mover = getattr(block, side)
+            if block.blinded:
+                if agent.hello is not None:
+                    yield DeviceStatus(side, HIDDEN, "", "", HIDDEN_TEXT)
+            elif mover == STILL:
                 yield moved_by_server(side, mover)
             elif agent.hello is not None:
                 yield device_status(side, agent.hello.details)
 
     def _loops(self) -> tuple[LoopStatus, ...]:
-        """Return the current sample-to-force latency and its limit [s] of each connected agent."""
+        """Return the current sample-to-force latency and its limit [s] of each connected agent.
+
+        A blinded block has none, because they depend on the device.
+        """
+        if self._state.block.config.block.blinded:
+            return ()
         latency, agents_of = self._state.block.latency, self._state.ports.motion.agents
         late = dict(zip(SIDES, latency.latencies, strict=True))
         limit = latency.limit_ns * 1e-9
@@ -175,7 +185,7 @@ def plan_of(config: Config) -> dict[str, Any]:
 
 def words_of(config: Config) -> str:
     """Return the label of a block, or its condition."""
-    plan = plan_of(config)
+    plan = plan_of(for_operator(config))
     return str(plan["label"] or plan["condition"])
 
 

@@ -86,7 +86,7 @@ class BlockChanges:
         """Stop waiting because an operator asks so; return whose answers are missing, in words."""
         awaited = self._state.forms.require_awaited()
         self._record_unanswered(self._state.forms.close(by))
-        return f"the session goes on without answers from {' and '.join(awaited)}"
+        return f"the session goes on without answers from {awaited}"
 
     def _record_unanswered(self, missing: Iterable[dict[str, str]]) -> None:
         for details in missing:
@@ -102,7 +102,7 @@ class BlockChanges:
         state.attempts.begin(config, state.number)
         stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
-        state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.text})
+        state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.texts.full})
         for side, agent in state.ports.motion.agents.items():
             if agent.hello is not None:  # the recording of this block is another file than that in which it joined
                 own = {"side": side, "name": agent.hello.name}

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.config import SIDES, Config, Side, resolve
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tables.experiment import PERSON, STILL, Session
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.latency import LatencySupervisor
+from netboard.nodes.ports.welcomes import BlockTexts, texts_of
 from netboard.nodes.server.server_runs import run_of
 from netboard.nodes.server.still_hand import fill_still
 from netboard.participants.seat.partners import require_known
@@ -27,7 +28,7 @@ class PreparedBlock:
     """A block that can begin at any moment."""
 
     config: Config
-    text: str
+    texts: BlockTexts
     stage: Stage
     curtain: Curtain
     latency: LatencySupervisor  # blocks with the same scene share it
@@ -107,7 +108,7 @@ def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> Prep
     plain = not (still or config.block.unrelated or both)
     return PreparedBlock(
         config=config,
-        text=resolve(config),
+        texts=texts_of(config),
         stage=stage,
         curtain=make_curtain(config),
         latency=supervisors[scene],

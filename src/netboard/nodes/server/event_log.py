@@ -14,10 +14,11 @@ from netboard.base.plural import plural
 from netboard.base.tables.questionnaires import public_details
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import Message
-from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
+from netboard.network.protocol.records import AGENT_JOINED, ClockRecord, EventRecord, FrameRecord
 from netboard.network.protocol.triggers import TRIGGER
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.server.attempts import Attempts
+from netboard.stage.blinding import shown_details
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import Cause
 
@@ -34,13 +35,14 @@ class EventLog:
     """Numbers the events of a session and appends them to the log."""
 
     def __init__(self, port: LogPort) -> None:
-        self.opened = False
+        self.opened = self.blinded = False  # blinded: log lines must not say which partner is at a seat
         self.probes = 0
         self._port = port
         self._events = 0
         self._held: list[tuple[str, dict[str, str]]] = []
         self._stalls = 0
         self._stalled_ms = 0
+        self._agents: dict[str, str] = {}  # name of the agent that joined last at each side
 
     def note(self, tick: int, name: str, details: dict[str, str]) -> None:
         """Log an event, and record it or hold it until the session is open."""
@@ -53,8 +55,21 @@ class EventLog:
         if name == SUMMED:
             self._count_stall(int(details["milliseconds"]))
             return
+        shown = self._shown(name, details)
+        if shown is None:
+            return
         self._report_stalls()
-        log.info("%s", line_of(name, details))
+        log.info("%s", line_of(name, shown))
+
+    def _shown(self, name: str, details: dict[str, str]) -> dict[str, str] | None:
+        """Return the details that the log line of an event may show; None for no line."""
+        if name == AGENT_JOINED:
+            side, agent = details.get("side", ""), details.get("name", "")
+            again = self._agents.get(side) == agent
+            self._agents[side] = agent
+            if self.blinded and again:  # it is there again, with the device of another partner
+                return None
+        return shown_details(name, details) if self.blinded else details
 
     def _count_stall(self, milliseconds: int) -> None:
         """Count a stall; log the first of a series, then the sum at the second, fourth, eighth and so on."""

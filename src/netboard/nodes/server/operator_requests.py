@@ -63,7 +63,7 @@ class OperatorRequests:
                     state.sequence.open(form_of(argument, state.block.config.session))
                     self._blocks.open()
                 case "confirm":
-                    return Decision(True, state.confirmations.confirm(argument, request.name, state.find_stand_ins()))
+                    return Decision(True, state.confirmations.confirm(argument, request.name, state.shown_stand_ins()))
                 case "note":
                     state.attempts.note(*note_of(argument, state.number))
                 case _:

@@ -62,11 +62,17 @@ class Questionnaires:
             yield {"station": station, "block": str(block), **by}
         self._waiting.clear()
 
-    def require_awaited(self) -> tuple[Side, ...]:
-        """Return the stations whose answers are awaited; raise NetboardError if none are."""
+    def require_awaited(self) -> str:
+        """Return in words whose answers are awaited; raise NetboardError if none are."""
         if not self._waiting:
             raise NetboardError("no questionnaire waits for answers")
-        return tuple(self._waiting)
+        return self._awaited
+
+    @property
+    def _awaited(self) -> str:
+        """The stations whose answers are awaited; in a blinded block only that there are some."""
+        blinded = any(self._asked[block].block.blinded for block in self._waiting.values())
+        return "the participants" if blinded else " and ".join(self._waiting)
 
     @property
     def open(self) -> bool:
@@ -79,7 +85,7 @@ class Questionnaires:
         if not self._waiting:
             return ""
         left = max(0.0, (self._until_ns - now_ns()) * 1e-9)
-        return f"{FORM_AWAITED}{' and '.join(self._waiting)}, {left:.0f} s at most"
+        return f"{FORM_AWAITED}{self._awaited}, {left:.0f} s at most"
 
 
 def participant_at(config: Config, station: Side) -> str:

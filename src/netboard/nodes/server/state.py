@@ -1,20 +1,20 @@
 """The state of a session: what its parts share, and what answers to operators are made from."""
 
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from netboard.base.clock import now_ns
-from netboard.base.config import SIDES
+from netboard.base.config import SIDES, Side
+from netboard.base.device_kind import DeviceKind, held_by
 from netboard.base.tick import STATE, TICK, TICK_NS
-from netboard.network.protocol.joining import Welcome
-from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports import emergency, samples
 from netboard.nodes.ports.emergency import EmergencyStop, Event
 from netboard.nodes.ports.ports import Ports
+from netboard.nodes.ports.welcomes import Welcomes, welcomes_of
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import EventLog
@@ -56,7 +56,7 @@ class SessionState:
         self.session = uuid.uuid4().hex
         self.sequence, self.attempts, self.authenticator = sequence, attempts, authenticator
         self.block = sequence.block
-        self.ports = Ports(self.block.config, self._welcome(), context, authenticator)
+        self.ports = Ports(self.block.config, self._welcomes(), context, authenticator)
         self.clock = TickClock()
         self.supervisor = TrialSupervisor(autostart)
         self.emergency_stop = EmergencyStop()
@@ -73,10 +73,11 @@ class SessionState:
         self.questionnaires = ""  # questionnaires that are to be filled in now
         self.forms = Questionnaires()
         self.end_requested = False  # whether the session is to end as soon as it can
+        self._own_devices: dict[Side, Mapping[str, str]] = {}  # the last ones that no robot partner held
         self.update_arming([])
 
-    def _welcome(self) -> Welcome:
-        return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
+    def _welcomes(self) -> Welcomes:
+        return welcomes_of(self.block.texts, self.session)
 
     @property
     def phase(self) -> Phase:
@@ -106,6 +107,7 @@ class SessionState:
     def enter_block(self) -> None:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block
+        self.event_log.blinded = block.config.block.blinded
         self.stage = block.stage.initial(**self.attempts.start_of(block.config.block.number))
         # A view of one word: it is read several times a tick, and a field of a record takes ten times as long.
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :].data
@@ -116,7 +118,7 @@ class SessionState:
         for side, agent in motion.agents.items():
             if agent.hello is not None:
                 block.latency.take_limit(side, agent.hello.details)
-        self.ports.renew(self._welcome(), block.ends, block.moved)
+        self.ports.renew(self._welcomes(), block.ends, block.moved)
         self.triggers.begin_block(block.config.triggers)
         self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
         self.missing = self.find_missing()  # otherwise the block would start by itself with what the last one needed
@@ -128,13 +130,29 @@ class SessionState:
 
     def find_stand_ins(self) -> tuple[str, ...]:
         """Return what stands in for a haptic device or a screen now, in the words that confirm it."""
-        agents = {
-            side: agent.hello.details
-            for side, agent in self.ports.motion.agents.items()
-            if agent.hello is not None and side in self.block.people
-        }
+        return self._stand_ins_for({side: self._details[side] for side in self.block.people if side in self._details})
+
+    def shown_stand_ins(self) -> tuple[str, ...]:
+        """Return the stand-ins that operators see, and must confirm.
+
+        In a blinded block these are those of both sides' own devices, whether or not a person holds them.
+        """
+        if not self.block.config.block.blinded:
+            return self.find_stand_ins()
+        for side, details in self._details.items():
+            if side in self.block.people or held_by(details).kind != DeviceKind.ROBOT:
+                self._own_devices[side] = details
+        return self._stand_ins_for(self._own_devices)
+
+    def _stand_ins_for(self, agents: Mapping[Side, Mapping[str, str]]) -> tuple[str, ...]:
         boxes = (TRIGGER_STAND_IN,) if self.triggers.simulated else ()
         return (*stand_ins(self.block.config, agents, self.ports.control.platforms), *boxes)
+
+    @property
+    def _details(self) -> dict[Side, Mapping[str, str]]:
+        """What the connected agents say of their devices."""
+        agents = self.ports.motion.agents.items()
+        return {side: agent.hello.details for side, agent in agents if agent.hello is not None}
 
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
@@ -145,7 +163,7 @@ class SessionState:
             lacking.append("the logger")
         if self.phase == Phase.IDLE:
             lacking += self.triggers.missing
-        if self.block.config.session.real and (found := self.confirmations.unconfirmed(self.find_stand_ins())):
+        if self.block.config.session.real and (found := self.confirmations.unconfirmed(self.shown_stand_ins())):
             lacking.append(f"{AWAITING_WORDS}: {', '.join(found)}")
         if self.emergency_stop.halted:
             lacking.append(emergency.AWAITING_RELEASE)
@@ -158,7 +176,8 @@ class SessionState:
         for side in self.block.curtain.partners:
             wanted, hello = getattr(self.block.config.block, side), self.ports.motion.agents[side].hello
             if hello is not None and hello.details.get("partner") != wanted:
-                yield f"the {side} agent to seat the robot partner {wanted}"
+                blinded = self.block.config.block.blinded
+                yield f"the {side} agent" if blinded else f"the {side} agent to seat the robot partner {wanted}"
 
     @property
     def loss(self) -> str:

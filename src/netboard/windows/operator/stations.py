@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from netboard.base.config import Side
-from netboard.base.device_kind import STAND_INS, DeviceKind
+from netboard.base.device_kind import HIDDEN, STAND_INS, DeviceKind
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
 from netboard.base.safeguards import TRIP_CAUSES, Safeguard
@@ -67,6 +67,8 @@ def _device(station: _Station, limits: Limits) -> LampState:
     if held.kind == "still":
         return LampLevel.OFF, held.kind, f"No device moves this hand: {held.text}."
     tip = f"{held.text}. {agent}"
+    if held.kind == HIDDEN:
+        return LampLevel.GOOD, "ready", tip
     if held.kind != DeviceKind.HAPTIC:
         level, must = _stand_in(station.status, f"{held.side} device")
         return level, STAND_INS[DeviceKind(held.kind)], f"{tip}{must}"

@@ -9,7 +9,7 @@ from enum import Enum
 from math import isnan
 
 from netboard.base.config import Side
-from netboard.base.device_kind import MOVED_BY_SERVER, DeviceKind
+from netboard.base.device_kind import HIDDEN, MOVED_BY_SERVER, DeviceKind
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
 from netboard.base.tables.experiment import Block, Session
@@ -163,7 +163,7 @@ def rig(status: Status | None, side: Side, seated: str) -> TonedText:
         "no agent" if held is None else held.text,
         "display off screen" if hidden else "",
     )
-    real = held is None or held.kind in (DeviceKind.HAPTIC, *MOVED_BY_SERVER)
+    real = held is None or held.kind in (DeviceKind.HAPTIC, HIDDEN, *MOVED_BY_SERVER)
     return TonedText("\n".join(filter(None, parts)), Tone.PLAIN if real and not hidden else Tone.WATCH)
 
 
