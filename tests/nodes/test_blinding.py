@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-import rehearsed
 from stepped_session import SteppedSession
 
+import rehearsed
 from netboard.base.config import SIDES, Config, parse, resolve
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tables.questionnaires import ANSWERS, PERSON_FORM, Form, packed
@@ -123,7 +123,8 @@ def _play(session: SteppedSession, kind: str, caplog: pytest.LogCaptureFixture) 
     lines = [
         one.getMessage()
         for one in caplog.records
-        if one.name.startswith("netboard") and not one.getMessage().startswith(("session_started", "stood_still"))
+        if one.name.startswith("netboard")
+        and not one.getMessage().startswith(("session_started", "stood_still"))
         and one.levelno == logging.INFO
     ]
     return Told({name: _comparable(text) for name, text in shown.items()}, statuses, lines)

@@ -50,7 +50,7 @@ def test_wait_is_limited_and_names_who_has_not_answered() -> None:
 def test_operator_who_skips_the_form_is_named_with_each_station_that_has_not_answered() -> None:
     forms, _ = asked()
     forms.take(QuestionnaireAnswers("left", 1, GIVEN, 3.0, True))
-    assert forms.require_awaited() == ("right",)
+    assert forms.require_awaited() == "right"
     assert list(forms.close("lab1:17")) == [{"station": "right", "block": "1", "skipped_by": "lab1:17"}]
     assert not forms.open
     with pytest.raises(NetboardError, match="no questionnaire waits"):
