@@ -343,7 +343,7 @@ class MotionLink:
         """Leave the session with a goodbye, trying again while samples fill the queue.
 
         To return with another holder is no news: the log then has no line of the session, because a blinded block would
-        be told from others by it.
+        differ from others by it.
         """
         for _ in range(GOODBYE_ATTEMPTS):
             if sockets.send(self._socket, encode(Goodbye(reason))):
