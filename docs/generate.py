@@ -423,7 +423,7 @@ CALIBRATION = ("about", "false-positives", "power", "interaction", "variations",
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
-INFORMATION = ("scenes", "models", "hands", "skills", "acquaintance")
+INFORMATION = ("scenes", "models", "filters", "hands", "senses", "skills", "acquaintance")
 """Those of `make evidence ARGS=information`."""
 
 PARTICIPANTS = ("predictions", "order", "models", "ablations", "differences")

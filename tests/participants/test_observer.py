@@ -29,7 +29,7 @@ from netboard.participants.people.submovement import minimum_jerk
 from netboard.physics.scene.parameters import pack_scene, parts_of
 
 PERSON, PHYSICS, DEVICE = Participant(), Physics(), VirtualDevice()
-GOAL = replace(PERSON, partner_model="goal")
+GOAL, SIGHT = replace(PERSON, partner_model="goal"), replace(PERSON, partner_model="sight")
 SCENES = {
     "paper": PHYSICS,
     "soft": Physics(k_s=1.4),
@@ -90,8 +90,13 @@ def test_filters_of_every_scene_are_finite_and_do_not_grow(name: str, person: Pa
     assert max(np.abs(np.linalg.eigvals(one["advance"][way])).max() for way in range(2)) < 1.0 + 1e-12
 
 
-def follow_textbook(model: DyadModel, start: Any, seen: Any, felt: Any, lag: int, force: bool) -> np.ndarray:
-    """Estimate the partner's aim at the newest force: a Kalman filter written out, begun anew at each time seen."""
+def follow_textbook(
+    model: DyadModel, start: Any, seen: Any, felt: Any, lag: int, force: bool, origin: Any = 0.0
+) -> np.ndarray:
+    """Estimate the partner's aim at the newest force: a Kalman filter written out, begun anew at each time seen.
+
+    ``origin``: row of what is subtracted, at the time seen.
+    """
     sense, gains, before = stationary(model, force)
     x, found = start.copy(), []
     after = before - gains @ sense @ before
@@ -109,7 +114,7 @@ def follow_textbook(model: DyadModel, start: Any, seen: Any, felt: Any, lag: int
                 gain = spread @ model.felt / (model.felt @ spread @ model.felt + model.felt_variance)
                 later = later + gain * (felt[j] - model.felt @ later)
                 spread = spread - np.outer(gain, model.felt @ spread)
-        found.append(model.aim @ later)
+        found.append(model.aim @ later - np.sum(origin * x))
     return np.array(found)
 
 
@@ -124,14 +129,14 @@ def simulate(model: DyadModel, steps: int) -> tuple[np.ndarray, np.ndarray, np.n
     return everything, everything @ model.seen.T, everything @ model.felt
 
 
-def watch(one: Any, seen: Any, felt: Any, commands: Any, partner: float) -> np.ndarray:
+def watch(one: Any, seen: Any, felt: Any, commands: Any, partner: float, further: float = 0.0) -> np.ndarray:
     """Return what the kernels tell, with the view as late as it is; the commands are displacements of the aims."""
     state, told = np.zeros(1, OBSERVED)[0], []
     for k, (force, moved) in enumerate(zip(felt, commands, strict=True)):
         feel(state, one, force, 0.0, 0.0)
         state["commands"][int(state["newest"])] = moved
         p, theta, own = seen[max(k - int(one["lag"]), 0)]
-        observe(state, one, p, theta, own, partner)
+        observe(state, one, p, theta, own, partner, further)
         told.append(float(state["surprise"]))
     return np.array(told)
 
@@ -146,6 +151,18 @@ def test_observer_is_a_textbook_filter_with_the_force_less_one_without(person: P
     found = watch(one, seen, felt, np.zeros((steps, 2)), 0.001)
     assert not found[:lag].any()
     np.testing.assert_allclose(found[lag:], told[0] - told[1], atol=1e-9)
+
+
+def test_observer_by_sight_is_the_textbook_filter_without_force_less_what_is_expected_anyway() -> None:
+    model, one = model_of(SIGHT), pack_observer(SIGHT, PHYSICS, DEVICE, "left")[0]
+    lag, steps = stretch_of(SIGHT), 60
+    _, seen, felt = simulate(model, steps)
+    start = model.rest @ (seen[0, 2], 0.001, seen[0, 0]) + model.rest_weight
+    told = follow_textbook(model, start, seen, felt, lag, force=False, origin=np.eye(STATES)[X["partner"]])
+    found = watch(one, seen, felt, np.zeros((steps, 2)), 0.001, further=0.0007)
+    assert not found[:lag].any()
+    np.testing.assert_allclose(found[lag:], told - 0.0007, atol=1e-9)
+    assert watch(one, seen, 0.0 * felt, np.zeros((steps, 2)), 0.001, further=0.0007).tobytes() == found.tobytes()
 
 
 def test_commands_since_the_view_move_both_estimates_alike() -> None:
@@ -211,7 +228,7 @@ def test_force_that_tells_nothing_of_the_partner_is_not_observed(person: Partici
     assert pack_observer(person, physics, DEVICE, "left")[0]["informed"] == 0
 
 
-@pytest.mark.parametrize("partner_model", ["position", "goal", "mechanics"])
+@pytest.mark.parametrize("partner_model", ["position", "goal", "mechanics", "sight"])
 def test_partner_movement_is_felt_before_it_is_seen(partner_model: Any) -> None:
     """The left partner rises by 10 mm at 1 s: told before it is seen, and no longer once it has been seen."""
     watching = replace(
@@ -232,6 +249,10 @@ def test_partner_movement_is_felt_before_it_is_seen(partner_model: Any) -> None:
     before, moving, seen = np.array(told[:105]), np.array(told[110:135]), np.array(told[170:])
     if partner_model == "mechanics":
         assert not np.any(told)
+    elif partner_model == "sight":
+        assert abs(np.mean(told[100:118])) < 5e-4, "nothing before it is seen"
+        assert np.mean(told[126:138]) > 2.5e-3, "then where it leads, ahead of where it is"
+        assert abs(np.mean(told[170:])) < 5e-4, "nothing once it has been seen"
     else:
         assert moving.max() > 0.006, "more than half of it is told"
         assert np.abs(before).max() < 0.4 * moving.max()

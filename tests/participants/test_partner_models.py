@@ -44,6 +44,7 @@ def test_a_model_has_the_gains_that_it_declares_and_else_the_same_arm(model: Par
     assert arm["stiffening"] == pytest.approx(parts.impedance_gain * 1e-3)
     observer = pack_observer(Participant(partner_model=model), Config().physics, DEVICE, "left")[0]
     assert bool(observer["informed"]) == (model in INFORMED)
+    assert bool(observer["sight"]) == (model == "sight")
 
 
 def test_a_configured_gain_replaces_that_of_the_model() -> None:
@@ -87,4 +88,4 @@ def test_an_agent_and_a_rehearsal_make_the_same_decisions(model: PartnerModel) -
             scale = scale_in(seat, int(rows["trial"][tick]), int(rows["phase"][tick]))
             live.decide(float(time_ns) * 1e-9, shown(seen[0]), rendered[tick] / scale if scale != 0.0 else None)
     assert live.state.tobytes() == seat.state["brain"].tobytes()
-    assert (live.state["observed"]["count"][0] > 0) == (model in INFORMED)
+    assert (live.state["observed"]["count"][0] > 0) == (model in (*INFORMED, "sight"))

@@ -134,6 +134,7 @@ def study(dyads: int | None, workers: int | None, folder: Folder, tell: Tell, *,
         cells = list(_cells(levels, size, trials, pool, tell))
         yield scenes_part(cells, size, trials)
         yield models_part(cells, size, trials)
+        yield filters_part(cells, size, trials)
         yield hands_part(size, trials, pool)
         yield senses_part(list(SENSES)[::6] if quick else list(SENSES), size, trials, pool, tell)
         yield skills_part(SKILLS[::3] if quick else SKILLS, size, trials, pool, tell)
@@ -213,6 +214,31 @@ def models_part(cells: Sequence[Cell], dyads: int, trials: int) -> ResultPart:
     return part
 
 
+def filters_part(cells: Sequence[Cell], dyads: int, trials: int) -> ResultPart:
+    """Tabulate what a filter of what is seen is worth, without haptic feedback, and what the force adds to it."""
+    part = ResultPart(
+        "filters",
+        f"Worth of the filter and of the force: completion time of {dyads} dyads, {trials} trials in a block",
+        "changed | haptics off: mechanics [s] | sight [s] | sight / mechanics | 95 % CI low | 95 % CI high "
+        "| haptics on: sight [s] | position [s] | position / sight | 95 % CI low | 95 % CI high",
+    )
+    harmed = []
+    for cell in cells:
+        worths = ((cell.off["mechanics"], cell.off["sight"]), (cell.on["sight"], cell.on["position"]))
+        numbers: list[float] = []
+        for without, by in worths:
+            numbers += [mean_time(without), mean_time(by), *ratio(by, without)]
+        part.add(cell.label, *numbers)
+        if numbers[-2] > 1.0:
+            harmed.append(cell.label)
+    part.claim(
+        "the force never makes a dyad slower that filters what it sees, within 95 % confidence",
+        not harmed,
+        ", ".join(harmed) or f"{len(cells)} scenes",
+    )
+    return part
+
+
 def numbered(dyads: int) -> range:
     """Return the numbers of the dyads."""
     return range(1, dyads + 1)
@@ -253,8 +279,9 @@ def hands_part(dyads: int, trials: int, pool: ProcessPoolExecutor) -> ResultPart
         cases = [Case(model, dyad, trials, configuration="bimanual") for dyad in numbered(dyads)]
         found[model] = performed(cases, pool)
         part.add(model, mean_time(found[model]), sum(one.falls for one in found[model]))
-    same = all(found[model] == found["mechanics"] for model in INFORMED)
-    claim = f"one person with both hands performs the same trials with mechanics, {' and '.join(INFORMED)}"
+    alike = [name for name, parts in PARTNER_MODELS.items() if parts.reflex_gain == parts.impedance_gain == 0.0]
+    same = all(found[model] == found["mechanics"] for model in alike)
+    claim = f"one person with both hands performs the same trials with {', '.join(alike[:-1])} and {alike[-1]}"
     part.claim(claim, same, f"{dyads} participants")
     return part
 

@@ -49,5 +49,5 @@ def test_study_tabulates_scenes_hands_and_skills(tmp_path: Path, monkeypatch: py
     verdicts = run(
         "information", partial(study, 2, 1), Options(tmp_path / "found", tmp_path / "found.json", quick=True)
     )
-    assert len(verdicts) == 5
-    assert verdicts[1].holds, "one person with both hands has no partner"
+    assert len(verdicts) == 6
+    assert verdicts[2].holds, "one person with both hands has no partner"

@@ -10,7 +10,7 @@ from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 
 OfModel = Literal["model"]
 OfPlan = Literal["plan"]
-PartnerModel = Literal["mechanics", "follower", "position", "goal", "impedance"]
+PartnerModel = Literal["mechanics", "follower", "sight", "position", "goal", "impedance"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ class Participant:
     ] = 0.0
     partner_model: Annotated[
         PartnerModel,
-        about("what the participant does with the force that it feels from its partner"),
+        about("what the participant infers of its partner, and does with the force that it feels"),
     ] = "position"
     mirror: Annotated[
         float,

@@ -209,7 +209,7 @@ def decide(state: np.void, k: np.void, now: float, glimpse: np.void, felt: float
         return 0
     _detect_release(state, k, felt)
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
-    if k["observer"]["informed"]:
+    if k["observer"]["informed"] or k["observer"]["sight"]:
         observe_partner(state, k, now)
     if now < state["ready"] or not _has_room(state):
         return 0
@@ -262,7 +262,8 @@ def _detect_release(state: np.void, k: np.void, felt: float) -> None:
 def _know_partner(state: np.void, k: np.void) -> None:
     """Set how uncertain the partner is, and how much of what the force tells is understood, by the trials together."""
     state["strangeness"] = learned(k["stranger"], state["acquaintance"], k["learning_trials"])
-    state["reading"] = 1.0 - (1.0 - k["reading"]) * exp(-state["felt_trials"] / k["learning_trials"])
+    unread = 0.0 if k["observer"]["sight"] else 1.0 - k["reading"]
+    state["reading"] = 1.0 - unread * exp(-state["felt_trials"] / k["learning_trials"])
 
 
 @inlined

@@ -148,10 +148,10 @@ def partner_moved(state: np.void, k: np.void, when: float) -> float:
 
 @inlined
 def observe_partner(state: np.void, k: np.void, now: float) -> None:
-    """Update what the force tells of the partner, by the newest force felt and the view that is seen."""
+    """Update what is inferred of the partner, by the newest force felt and the view that is seen."""
     o, c, seen, side = state["observed"], k["observer"], state["percept"], k["hands"] - 1
     then = now - k["haptic_delay"]
-    force, height = force_at(state["senses"], then), own_height(state, side)
+    force, height = 0.0 if c["sight"] else force_at(state["senses"], then), own_height(state, side)
     if isnan(force) or isnan(height):
         forget(o)
         return
@@ -163,6 +163,7 @@ def observe_partner(state: np.void, k: np.void, now: float) -> None:
         other += of_partner(intent) * share
     feel(o, c, force + o["noise"], own, other)
     if is_free(seen["phase"]):
-        observe(o, c, seen["p"], seen["theta"], height, partner_height_seen(state, k, side))
+        partner, further = partner_height_seen(state, k, side), partner_moved(state, k, inf)
+        observe(o, c, seen["p"], seen["theta"], height, partner, further)
     else:
         o["running"], o["surprise"] = 0, 0.0

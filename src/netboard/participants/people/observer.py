@@ -3,7 +3,8 @@
 A participant sees the board one visual delay ago, and feels the force on its hand one haptic delay ago. Both filters
 follow `netboard.participants.people.dyad_model`; one takes what is seen and what is felt, the other only what is seen.
 What the force tells is the difference of their estimates of where the partner's movement leads. So a force that tells
-nothing changes nothing, whatever the stiffness of the couplings.
+nothing changes nothing, whatever the stiffness of the couplings. With the model `sight` there is no force, and the
+second estimate replaces what is expected of the partner.
 
 The filters stand at the time that is seen now. Beyond it lie the forces felt since: the gains of this stretch depend
 on nothing that is measured, so its estimate is a sum of the state, these forces and the commands, each with a weight
@@ -24,7 +25,7 @@ from netboard.base.compiled import inlined
 from netboard.base.config import Side
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.people.dyad_model import SEEN, STATES, DyadModel, Matrix, dyad_model
+from netboard.participants.people.dyad_model import SEEN, STATES, DyadModel, Matrix, X, dyad_model
 from netboard.participants.people.partner_models import tells
 from netboard.participants.people.senses import DECISION_INTERVAL
 from netboard.physics.arithmetic.simd import applied, lanes_at, put
@@ -40,7 +41,8 @@ DOUBLINGS = 10
 
 OBSERVER = np.dtype(
     [
-        ("informed", "<i8"),  # 1: the force on a hand depends on the partner's
+        ("informed", "<i8"),  # 1: the force on a hand, which depends on the partner's, is taken in
+        ("sight", "<i8"),  # 1: only what is seen is taken in
         ("muscle_keep", "<f8"),  # decay factor of a muscle stage in a step [1]
         ("lag", "<i8"),  # decisions from what is seen to what is felt [1]
         # Of the filters with and without the force, the effect of each quantity of a state in a step.
@@ -70,7 +72,7 @@ OBSERVED = np.dtype(
         ("muscle", "<f8", (2,)),  # these after the first muscle lag [m]
         ("moved", "<f8", (2,)),  # and after the second [m]
         ("noise", "<f8"),  # present noise of the perceived force [N]
-        ("surprise", "<f8"),  # what the force tells: displacement of where the partner's movement leads [m]
+        ("surprise", "<f8"),  # what force or sight tells: displacement of where the partner's movement leads [m]
     ]
 )
 """State of an observer."""
@@ -84,16 +86,19 @@ def pack_observer(person: Participant, physics: Physics, virtual: VirtualDevice,
         return packed
     model = dyad_model(person, physics, virtual, side)
     one = packed[0]
-    one["informed"], one["lag"] = 1, stretch_of(person)
+    sight = tells(person) == "sight"
+    one["informed"], one["sight"], one["lag"] = not sight, sight, stretch_of(person)
     one["muscle_keep"] = exp(-DECISION_INTERVAL / person.muscle_lag)
     one["rest"], one["rest_weight"] = model.rest.T, model.rest_weight
-    for way, haptic in enumerate((True, False)):
+    for way, (haptic, sign) in enumerate(((True, 0.0), (False, 1.0)) if sight else ((True, 1.0), (False, -1.0))):
         sense, gains, spread = stationary(model, haptic)
         keep = np.eye(STATES) - gains @ sense
         one["advance"][way], one["commands"][way] = (keep @ model.advance).T, (keep @ model.commands).T
         one["weight"][way] = keep @ model.weight
         one["gains"][way, : gains.shape[1]] = gains.T
-        _add_stretch(one, model, way, keep @ spread, haptic)
+        _add_stretch(one, model, way, keep @ spread, haptic, sign)
+    if sight:
+        one["answers"][1, X["partner"]] -= 1.0  # from where the hand is seen
     return packed
 
 
@@ -123,13 +128,13 @@ def stationary(model: DyadModel, haptic: bool) -> tuple[Matrix, Matrix, Matrix]:
     return sense, gains, spread
 
 
-def _add_stretch(one: np.void, model: DyadModel, way: int, spread: Matrix, haptic: bool) -> None:
+def _add_stretch(one: np.void, model: DyadModel, way: int, spread: Matrix, haptic: bool, sign: float) -> None:
     """Add the weights with which the state, and forces and commands since, tell the partner's aim.
 
-    ``spread``: covariance of the state at the time that is seen.
+    ``spread``: covariance of the state at the time that is seen; ``sign``: with which this estimate counts.
     """
     gains, _ = _follow(model, spread, int(one["lag"]), haptic)
-    row = model.aim if haptic else -model.aim
+    row = sign * model.aim
     for place in range(len(gains) - 1, -1, -1):
         told = row @ gains[place]
         one["answer_forces"][place] += told
@@ -191,7 +196,7 @@ def feel(o: np.void, c: np.void, force: float, own: float, other: float) -> None
 
 
 @inlined
-def observe(o: np.void, c: np.void, p: float, theta: float, own: float, partner: float) -> None:
+def observe(o: np.void, c: np.void, p: float, theta: float, own: float, partner: float, further: float) -> None:
     """Take what is seen, and update what the force tells; nothing before the memory holds forces since then.
 
     Parameters
@@ -200,6 +205,8 @@ def observe(o: np.void, c: np.void, p: float, theta: float, own: float, partner:
         Ball and tilt as seen [m, rad].
     own, partner : float
         Heights of one's own hand and of the partner's, as the board shows it [m].
+    further : float
+        How far the partner is expected to move from there, which `sight` replaces [m].
     """
     lag = c["lag"]
     if o["count"] <= lag:
@@ -219,7 +226,7 @@ def observe(o: np.void, c: np.void, p: float, theta: float, own: float, partner:
         told += c["answer_forces"][step] * o["forces"][place]
         told += c["answer_commands"][step, 0] * o["commands"][place, 0]
         told += c["answer_commands"][step, 1] * o["commands"][place, 1]
-    o["surprise"] = told
+    o["surprise"] = told - further if c["sight"] else told
 
 
 @inlined

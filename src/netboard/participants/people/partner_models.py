@@ -13,7 +13,7 @@ from netboard.base.tables.simulated import Participant, PartnerModel
 class PartnerModelParts(NamedTuple):
     """What a model of the partner consists of."""
 
-    tells: Literal["nothing", "position", "goal"]  # what a participant infers from the force
+    tells: Literal["nothing", "sight", "position", "goal"]  # what a participant infers, and from what
     reflex_gain: float  # yielding to an unexpected force [1]
     impedance_gain: float  # rate of stiffening per distance from the aim [N/m/(m s)]
     does: str
@@ -31,6 +31,10 @@ PARTNER_MODELS: dict[PartnerModel, PartnerModelParts] = {
         *("nothing", 1.0, 0.0, "the hand goes along with an unexpected force, as if the arm were half as stiff"),
         "a follower lowers the force between partners: Jarrassé, Charalambous and Burdet 2012; the gain is assumed",
     ),
+    "sight": PartnerModelParts(
+        *("sight", 0.0, 0.0, f"infers {_PULLED} from what is seen alone; the force pushes the hand, no more"),
+        "a control: the filter of the next models without touch",
+    ),
     "position": PartnerModelParts("position", 0.0, 0.0, f"infers {_PULLED} (position exchange)", _TAKAGI),
     "goal": PartnerModelParts("goal", 0.0, 0.0, f"infers {_BOUND} (goal exchange)", _TAKAGI),
     "impedance": PartnerModelParts(
@@ -43,12 +47,12 @@ PARTNER_MODELS: dict[PartnerModel, PartnerModelParts] = {
 if tuple(PARTNER_MODELS) != get_args(PartnerModel):
     raise ImportError(f"PARTNER_MODELS: found {tuple(PARTNER_MODELS)}, expected {get_args(PartnerModel)}")
 
-INFORMED: tuple[PartnerModel, ...] = tuple(name for name, one in PARTNER_MODELS.items() if one.tells != "nothing")
+INFORMED: tuple[PartnerModel, ...] = tuple(name for name, one in PARTNER_MODELS.items() if one.tells in ("position", "goal"))
 """Models in which the force tells something of the partner."""
 
 
-def tells(person: Participant) -> str:
-    """Return what a participant infers from the force: "nothing", "position" or "goal"."""
+def tells(person: Participant) -> Literal["nothing", "sight", "position", "goal"]:
+    """Return what a participant infers: "nothing", "sight" (from what is seen alone), "position" or "goal"."""
     return PARTNER_MODELS[person.partner_model].tells
 
 
