@@ -1,8 +1,10 @@
 """``make evidence ARGS=participants``: which of the paper's results the simulated participants reproduce.
 
 Agreement is no prediction: an earlier search for parameters used all of the paper's figures, and the model was built by
-people who had seen them. Rows that a later adjustment or the fit used again are marked. The results do not depend on
-the machine.
+people who had seen them. Rows that a later adjustment or the fit used again are marked.
+
+The library for linear algebra rounds differently on another kind of processor. Dyads with haptic feedback then perform
+other trials of the same distribution.
 
 Dyads perform the paper's plan at full length. Each four of them are a virtual study like the paper's. The first ones
 also perform it with variants of the model: with the same seeds, so that differences are paired.

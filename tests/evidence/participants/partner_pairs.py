@@ -1,7 +1,7 @@
 """``make evidence ARGS=partner-pairs``: each two robots, and a robot beside a hand that is held still.
 
 Robots have no noise, so a few trials are enough, and nothing has a confidence interval. Haptic feedback is on. The
-measures are those of ``make evidence ARGS=partners``. The results do not depend on the machine.
+measures are those of ``make evidence ARGS=partners``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -6,7 +6,6 @@ usual differences between participants; no robot was tuned with these. They perf
 the left seat.
 
 The plan, the rehearsals and the measures are those of any study, and their confidence intervals those of its report.
-The results do not depend on the machine.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

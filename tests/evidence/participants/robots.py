@@ -1,8 +1,7 @@
 """``make evidence ARGS=robots``: completion times and failures of robot partners, and their largest stable latencies.
 
 Each robot plays with haptic feedback beside a simulated participant (at both sides, half of the blocks each), beside a
-hand that is held still, and beside itself. The first row is a simulated participant in place of the robot. The results
-do not depend on the machine.
+hand that is held still, and beside itself. The first row is a simulated participant in place of the robot.
 """
 
 from collections.abc import Iterator
