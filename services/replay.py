@@ -61,23 +61,17 @@ def replay(
     netboard control steers a served replay: play, pause, seek, speed, loop, step, next, previous. Of the configuration,
     only \[network] is used, and only with --serve.
     """
-    ways = {"--verify": verify, "--headless": headless, "--serve": serve, "--markers": markers}
-    chosen = [name for name, wanted in ways.items() if wanted]
+    chosen = _given({"--verify": verify, "--headless": headless, "--serve": serve, "--markers": markers})
     window_only = {"--screenshot": screenshot is not None, "--offscreen": offscreen, "--film": film is not None}
-    _refuse_contradictions(chosen, [name for name, given in window_only.items() if given], at)
+    _refuse_contradictions(chosen, _given(window_only), at)
+    _refuse_too_many(recordings, one=bool(chosen or film))
     if until is not None and film is None:
         raise ConfigError("--until: found without --film, whose end it is")
-    if len(recordings) > (1 if chosen or film else 2):
-        raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
     if verify:
         raise typer.Exit(0 if _verify(path) else 1)
     if headless:
-        from netboard.base.process.stopping import Stopping
-        from netboard.nodes.replay.replay import print_events
-
-        with Stopping() as stopping:
-            print_events(path, speed, stopping, print)
+        _print_events(path, speed)
     elif markers:
         _list_markers(path)
     elif serve:
@@ -90,6 +84,11 @@ def replay(
         _show(recordings, station, speed, screenshot, sync, at, offscreen=offscreen)
 
 
+def _given(options: dict[str, bool]) -> list[str]:
+    """Return the names of the options that were given."""
+    return [name for name, given in options.items() if given]
+
+
 def _refuse_contradictions(chosen: list[str], window_only: list[str], at: float | None) -> None:
     """Refuse options that exclude each other; ``chosen``: ways to replay other than in a window."""
     if len(chosen) > 1:
@@ -98,6 +97,21 @@ def _refuse_contradictions(chosen: list[str], window_only: list[str], at: float 
         raise ConfigError(f"{name}: found with {chosen[0]}, which opens no window; expected one of them")
     if chosen and chosen != ["--serve"] and at is not None:
         raise ConfigError(f"--at: found with {chosen[0]}, which begins at the start; expected one of them")
+
+
+def _refuse_too_many(recordings: list[Path], *, one: bool) -> None:
+    """Refuse more recordings than can be shown; ``one``: whether only one can."""
+    if len(recordings) > (1 if one else 2):
+        raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
+
+
+def _print_events(path: Path, speed: float) -> None:
+    """Print the events at the times at which they happened."""
+    from netboard.base.process.stopping import Stopping
+    from netboard.nodes.replay.replay import print_events
+
+    with Stopping() as stopping:
+        print_events(path, speed, stopping, print)
 
 
 def _verify(path: Path) -> bool:

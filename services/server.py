@@ -27,6 +27,7 @@ from netboard.services.options import (
 )
 
 if TYPE_CHECKING:
+    from netboard.base.config import Config
     from netboard.network.transport.authenticator import Authenticator
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
@@ -69,13 +70,7 @@ def server(
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]
-    from netboard.devices.triggers import registry as trigger_boxes
-    from netboard.network import keys
-
-    for one in settings:
-        trigger_boxes.require_known(one.triggers)
-        if not insecure:
-            keys.refuse_open_network(one.network)
+    _refuse_rigs(settings, insecure=insecure)
     if study is None and resume:
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     found = None if study is None else load_study(study, settings[0])
@@ -86,18 +81,13 @@ def server(
 
     if confirmation:
         require_known(confirmation)
-    from netboard.nodes.server.attempts import Attempts
-    from netboard.nodes.server.blocks import BlockSequence
+    from netboard.network import keys
 
     authenticators = [keys.make_authenticator(one.network) for one in settings]
     log_to_stderr("server")
     log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
     if study is None or found is None:
-        from netboard.nodes.server.pseudonyms import require_own_pseudonyms, uses_in
-
-        for one in settings:
-            require_own_pseudonyms(one.session, uses_in(Path(one.recording.directory)) if one.session.real else ())
-        single_blocks = [(BlockSequence([one]), Attempts()) for one in settings]
+        single_blocks = [_single_block(one) for one in settings]
         raise typer.Exit(
             serve(single_blocks, authenticators, autostart=autostart is not False, confirmation=confirmation)
         )
@@ -106,6 +96,27 @@ def server(
     planned = Planned(settings[0], found, StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resume(confirm(yes)) if resume else planned.begin()
     raise typer.Exit(serve([opened], authenticators, autostart=autostart is True, confirmation=confirmation))
+
+
+def _refuse_rigs(settings: "Sequence[Config]", *, insecure: bool) -> None:
+    """Refuse rigs whose trigger box this machine does not know, or whose network is open without that word."""
+    from netboard.devices.triggers import registry as trigger_boxes
+    from netboard.network import keys
+
+    for one in settings:
+        trigger_boxes.require_known(one.triggers)
+        if not insecure:
+            keys.refuse_open_network(one.network)
+
+
+def _single_block(config: "Config") -> "tuple[BlockSequence, Attempts]":
+    """Return the only block of a configuration; refuse the pseudonyms of another dyad in a real session."""
+    from netboard.nodes.server.attempts import Attempts
+    from netboard.nodes.server.blocks import BlockSequence
+    from netboard.nodes.server.pseudonyms import require_own_pseudonyms, uses_in
+
+    require_own_pseudonyms(config.session, uses_in(Path(config.recording.directory)) if config.session.real else ())
+    return BlockSequence([config]), Attempts()
 
 
 def serve(

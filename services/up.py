@@ -33,8 +33,9 @@ from netboard.services.options import (
 )
 
 if TYPE_CHECKING:
-    from netboard.base.config import Config
+    from netboard.base.config import Config, Side
     from netboard.base.tables.rig import Network
+    from netboard.nodes.launching.terminal import Launch
     from netboard.nodes.server.planned import StudySession
 
 app = typer.Typer()
@@ -79,59 +80,91 @@ def up(
     """Start a whole session, and stop it in order on Ctrl-C; with --server or --station, only those processes."""
     config = one_file("up", file, config)
     settings = load(config, overrides)
-    everything = not server and station is None
-    if (study is not None or resume) and station is not None and not server:
-        raise ConfigError("--study, --resume: found without --server, which runs the session of a study")
-    if prepare and not everything:
-        raise ConfigError("--prepare: found with --server or --station, expected neither: it prepares a whole session")
-    if resume and not yes:
-        raise ConfigError("--resume: netboard up cannot ask for a confirmation; add --yes")
-    wanted = None
-    if study is not None:
-        load_study(study)  # refused before any process starts
-        from netboard.nodes.server.planned import StudySession
-
-        wanted = StudySession(study, dyad, session, seed, blocks, trials)
+    whole = not server and station is None
+    of_study, asks = study is not None or resume, resume and not yes
+    _refuse_contradictions(of_study=of_study, serves=server or whole, prepare=prepare, whole=whole, asks=asks)
+    wanted = None if study is None else _session_of(study, dyad, session, seed, blocks, trials)
     options = [] if wanted is None else wanted.options
-    options += (
-        ["--resume", "--yes"] * resume + ["--insecure"] * insecure + ["--confirm", confirmation] * bool(confirmation)
-    )
+    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure
+    options += ["--confirm", confirmation] * bool(confirmation)
     if autostart is not None:
         options.append("--autostart" if autostart else "--no-autostart")
-    from netboard.base.config import SIDES
-    from netboard.base.process.stopping import Stopping, no_terminal_suspension
-    from netboard.base.terminal.logs import log_to_stderr
+    words, sides = settings_of(config, overrides or ()), _sides(settings, station, whole=whole)
     from netboard.nodes.launching.programs import session_commands
 
-    words = settings_of(config, overrides or ())
-    sides = [side for side in SIDES if station in (side, "both") or (everything and not settings.stations.of(side))]
     commands = session_commands(
         words,
         sides,
-        server=options if server or everything else None,
+        server=options if server or whole else None,
         trigger=settings.triggers.declared,
-        console=console and everything,
+        console=console and whole,
         offscreen=offscreen,
     )
+    launch = None
+    if whole:
+        from netboard.nodes.launching.terminal import Launch
+
+        launch = Launch(settings, blocks_of_session(settings, wanted), words, sides, commands)
+    raise typer.Exit(_run(settings, commands, launch, prepare=prepare, insecure=insecure))
+
+
+def _refuse_contradictions(*, of_study: bool, serves: bool, prepare: bool, whole: bool, asks: bool) -> None:
+    """Refuse options that exclude each other."""
+    if of_study and not serves:
+        raise ConfigError("--study, --resume: found without --server, which runs the session of a study")
+    if prepare and not whole:
+        raise ConfigError("--prepare: found with --server or --station, expected neither: it prepares a whole session")
+    if asks:
+        raise ConfigError("--resume: netboard up cannot ask for a confirmation; add --yes")
+
+
+def _session_of(
+    study: str, dyad: int, session: int, seed: int, blocks: int | None, trials: int | None
+) -> "StudySession":
+    """Return a session of a study; a study with an error is refused here, before any process starts."""
+    load_study(study)
+    from netboard.nodes.server.planned import StudySession
+
+    return StudySession(study, dyad, session, seed, blocks, trials)
+
+
+def _sides(config: "Config", station: str | None, *, whole: bool) -> "list[Side]":
+    """Return the sides whose agent and display run here: those asked for, or all that no other machine has."""
+    from netboard.base.config import SIDES
+
+    return [side for side in SIDES if station in (side, "both") or (whole and not config.stations.of(side))]
+
+
+def _run(
+    config: "Config",
+    commands: dict[str, list[str]],
+    launch: "Launch | None",
+    *,
+    prepare: bool,
+    insecure: bool,
+) -> int:
+    """Run or only prepare a whole session, or run the processes of this machine; return the exit code."""
+    from netboard.base.process.stopping import Stopping, no_terminal_suspension
+    from netboard.base.terminal.logs import log_to_stderr
+
     log_to_stderr("up")
-    address = nullcontext() if "server" not in commands else free_address(settings.network)
+    address = nullcontext() if "server" not in commands else free_address(config.network)
     with address, Stopping() as stopping, no_terminal_suspension():
-        if not everything:
+        if launch is None:
             from netboard.nodes.operator.launcher import supervise
 
-            raise typer.Exit(supervise(commands, stopping))
+            return supervise(commands, stopping)
         from netboard.base.terminal.output import plain_console
         from netboard.nodes.launching import terminal
 
         if not insecure:
             from netboard.network import keys
 
-            keys.refuse_open_network(settings.network)
-        launch = terminal.Launch(settings, blocks_of_session(settings, wanted), words, sides, commands)
-        if prepare:
-            terminal.prepare(launch, terminal.lines_on(plain_console()))
-            return
-        raise typer.Exit(terminal.run(launch, stopping, plain_console()))
+            keys.refuse_open_network(config.network)
+        if not prepare:
+            return terminal.run(launch, stopping, plain_console())
+        terminal.prepare(launch, terminal.lines_on(plain_console()))
+        return 0
 
 
 def blocks_of_session(config: "Config", wanted: "StudySession | None") -> list["Config"]:

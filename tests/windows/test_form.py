@@ -7,7 +7,7 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
 
 from netboard.base.tables.questionnaires import FormQuestion
-from netboard.windows.participant.form import FormWidget, Scale
+from netboard.windows.participant.form import FormWidget, ScaleField
 from netboard.windows.participant.language import load_words
 from netboard.windows.participant.window import BoardWindow, application
 
@@ -55,7 +55,7 @@ def test_each_kind_is_answered_with_the_keyboard() -> None:
 def test_mark_of_a_scale_follows_the_mouse() -> None:
     form = OpenForm(scale=SCALE)
     field = form.widget.field
-    assert isinstance(field, Scale)
+    assert isinstance(field, ScaleField)
     assert field.answer() == ""
     for x, found in ((0, "0"), (field.width() // 2, "50"), (field.width() - 1, "100")):
         QTest.mouseClick(field, Qt.MouseButton.LeftButton, pos=QPoint(x, 20))

@@ -153,8 +153,7 @@ def _tick_kernels(
     METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, FELT: Rendering, PERTURBING: Perturbing
 ) -> TickKernels:
     """Compile the kernels of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
-    STEP = TICK_SECONDS / SUBSTEPS
-    halted, drive = stopped if FREE.stops else _unstopped, moving if HOLD else _resting
+    drive = moving if HOLD else _resting
     AT = PERTURBING.at
 
     # Recordings verify against these steps to the bit: another order or rounding would refute those that exist.
@@ -189,6 +188,23 @@ def _tick_kernels(
         return x, hands
 
     @inlined
+    def settle(s: np.void, row: np.void, x: State, cause: int, rules: np.void) -> None:
+        if not _settle(s, calm(x)):
+            cause = take_transition(s, _FAULT, rules) or cause
+        row["event"] = cause
+
+    pushes, (roll, rest) = AT in (BALL, BOARD), _integrating_kernels(METHOD, SUBSTEPS, FREE, FIXED)
+    return TickKernels(sense, perturb, sense_lanes, drive, couple, command, push, roll, rest, settle, pushes)
+
+
+def _integrating_kernels(
+    METHOD: int, SUBSTEPS: int, FREE: Parts, FIXED: Parts
+) -> tuple[Callable[..., State], Callable[..., State]]:
+    """Compile the kernels that integrate the scene over a tick, with the ball free and fixed."""
+    STEP = TICK_SECONDS / SUBSTEPS
+    halted = stopped if FREE.stops else _unstopped
+
+    @inlined
     def roll(x: State, hands: State, tables: NDArray[np.float64], scene: np.void) -> State:
         for step in range(SUBSTEPS):
             if step > 0:
@@ -204,14 +220,7 @@ def _tick_kernels(
             x = advance(METHOD, x, STEP, hands, (tables, 1), FIXED, scene)
         return x
 
-    @inlined
-    def settle(s: np.void, row: np.void, x: State, cause: int, rules: np.void) -> None:
-        if not _settle(s, calm(x)):
-            cause = take_transition(s, _FAULT, rules) or cause
-        row["event"] = cause
-
-    pushes = AT in (BALL, BOARD)
-    return TickKernels(sense, perturb, sense_lanes, drive, couple, command, push, roll, rest, settle, pushes)
+    return roll, rest
 
 
 @cache

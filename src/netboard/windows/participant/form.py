@@ -32,7 +32,7 @@ STEP = 2
 """Change of a scale by an arrow key, in its hundredths [1]."""
 
 
-class Buttons(QWidget):
+class ChoiceField(QWidget):
     """One of some buttons, in a row with words at its ends, or in a column."""
 
     changed = Signal()
@@ -80,7 +80,7 @@ class Buttons(QWidget):
         self.changed.emit()
 
 
-class Scale(QWidget):
+class ScaleField(QWidget):
     """A visual analogue scale: a line without a mark until it is touched."""
 
     changed = Signal()
@@ -157,7 +157,7 @@ class Scale(QWidget):
         self.changed.emit()
 
 
-class Line(QWidget):
+class NumberField(QWidget):
     """A number, with its unit."""
 
     changed = Signal()
@@ -180,7 +180,7 @@ class Line(QWidget):
         self._edit.setText(answer)
 
 
-class Sheet(QPlainTextEdit):
+class TextField(QPlainTextEdit):
     """Free text; Enter begins a new line."""
 
     changed = Signal()
@@ -206,20 +206,20 @@ class Sheet(QPlainTextEdit):
         self.changed.emit()
 
 
-def field_of(question: FormQuestion, colours: Colours) -> Buttons | Scale | Line | Sheet:
+def field_of(question: FormQuestion, colours: Colours) -> ChoiceField | ScaleField | NumberField | TextField:
     """Return the place for the answer to a question."""
     match question.kind:
         case "likert":
             steps = tuple(str(step) for step in range(1, question.steps + 1))
-            return Buttons(steps, (question.low, question.high), QBoxLayout.Direction.LeftToRight)
+            return ChoiceField(steps, (question.low, question.high), QBoxLayout.Direction.LeftToRight)
         case "choice":
-            return Buttons(question.choices, ("", ""), QBoxLayout.Direction.TopToBottom)
+            return ChoiceField(question.choices, ("", ""), QBoxLayout.Direction.TopToBottom)
         case "vas":
-            return Scale(question.low, question.high, colours)
+            return ScaleField(question.low, question.high, colours)
         case "number":
-            return Line(question.unit)
+            return NumberField(question.unit)
         case "text":
-            return Sheet()
+            return TextField()
 
 
 class FormWidget(QWidget):
@@ -286,7 +286,7 @@ class FormWidget(QWidget):
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and self._next.isEnabled():
             self._forward()
 
-    def _show_question(self) -> Buttons | Scale | Line | Sheet:
+    def _show_question(self) -> ChoiceField | ScaleField | NumberField | TextField:
         """Show the present question."""
         question = self._questions[self._names[self._at]]
         self._count.setText(f"{self._at + 1} / {len(self._names)}")
