@@ -4,10 +4,7 @@
 """
 
 import functools
-import os
 import re
-import shutil
-import subprocess
 import threading
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -17,11 +14,12 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from browser import opened
+
 pytestmark = pytest.mark.site
 
 ROOT = Path(__file__).parents[2]
 SITE = ROOT / "build" / "site"
-BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 LOADED = {"img": "src", "link": "href", "script": "src", "source": "src", "video": "src"}
 
 
@@ -89,17 +87,6 @@ def address() -> Iterator[str]:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}"
         server.shutdown()
-
-
-def opened(address: str, profile: Path) -> str:
-    """What a page is after its scripts have run, in a browser of its own."""
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    assert browser is not None, "these tests need a browser; install it with: deploy/setup.sh site"
-    command = [browser, "--headless", "--disable-gpu", f"--user-data-dir={profile}", "--virtual-time-budget=10000"]
-    command += ["--no-sandbox"] if os.geteuid() == 0 else []  # the sandbox refuses root, as which containers test
-    done = subprocess.run([*command, "--dump-dom", address], capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def results(dom: str) -> list[str]:

@@ -1,5 +1,7 @@
 """Screenshots of every state of every window, at three sizes and in both themes, and what is not whole in them.
 
+The report of an analysis is photographed in a browser, if this machine has one (``deploy/setup.sh site``).
+
 The folder has a PNG for each; its subfolder ``docs`` has those of the documentation, to be copied to docs/images.
 """
 
@@ -8,6 +10,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,8 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from PySide6.QtWidgets import QWidget
 
-from evidence.looks import console_states, display_states, launcher_states
+from browser import find_browser  # type: ignore[import-not-found]
+from evidence.looks import console_states, display_states, launcher_states, report_pages
 from evidence.looks.reading import cut_texts, unreached
 from netboard.base.looks import ThemeName
 from netboard.benchmarks.harness.results import Folder, ResultPart
@@ -85,6 +89,22 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterable[ResultPart]:
         part.add(name, label, theme, len(WINDOWS[name].states), len(here), len(lacking))
     part.claim("no text is cut, and every control has a key", not cut, "; ".join(cut) or "none is")
     yield part
+    if find_browser():
+        yield _report(folder.path, sizes)
+
+
+def _report(folder: Path, sizes: Iterable[tuple[int, int]]) -> ResultPart:
+    """Save screenshots of a report in a browser; return a table of them."""
+    part = ResultPart("report", "Report in a browser, by size and theme", "size | theme | outside of the window")
+    outside: list[str] = []
+    with tempfile.TemporaryDirectory() as place:
+        made = report_pages.made_report(Path(place))
+        for size, theme in product(sizes, THEMES):
+            here = report_pages.photograph(folder, made, size, theme)
+            outside += here
+            part.add(f"{size[0]} x {size[1]}", theme, len(here))
+    part.claim("nothing of the report is outside of the window", not outside, "; ".join(outside) or "nothing is")
+    return part
 
 
 def _photograph(folder: Path, name: str, size: tuple[int, int], theme: ThemeName) -> tuple[list[str], list[str]]:
