@@ -64,7 +64,8 @@ def runs_part(rows: Iterable[Row]) -> ResultPart:
         "All runs",
         (
             *("problem", "library", "method", "setting", "controls held", "E [1]", *ERRORS),
-            *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median", "dense [us/s]"),
+            *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median"),
+            *("dense [us/s]", "its median", "spread [1]"),
             *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
         ),
         [_all_of(row) for row in rows],
@@ -74,9 +75,10 @@ def runs_part(rows: Iterable[Row]) -> ResultPart:
 
 def _all_of(row: Row) -> tuple[Value, ...]:
     who: tuple[Value, ...] = (row.problem, row.library, row.method, row.setting, row.held, row.scaled)
-    costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median, row.dense)
+    costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median)
+    kept = (row.dense, row.dense_median, row.spread)
     counts: tuple[Value, ...] = (row.steps, row.calls, row.spacing, row.turns, row.warm_up)
-    return who + row.errors + costs + counts
+    return who + row.errors + costs + kept + counts
 
 
 def steps_part(rows: Iterable[Row]) -> ResultPart:

@@ -7,6 +7,7 @@ run for the same number of steps.
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from evidence.physics.reference import derivatives, push_and_turn
 from evidence.physics.work_precision import Solution, Solver
+from netboard.base.tables.scene import Physics
 from netboard.benchmarks.physics.problem import STATE_NAMES, Problem
 
 LIBRARY = "heyoka"
@@ -26,6 +28,11 @@ _ALONE = (0.0, 0.0, 0.0, 0.0, 1e-3, 0.0)
 """First state of a run without hands: the ball a little off the centre, so that no term vanishes."""
 
 
+def installed() -> bool:
+    """Return whether the library is installed."""
+    return find_spec(LIBRARY) is not None
+
+
 def precise(problem: Problem) -> NDArray[np.longdouble]:
     """Solve a problem with 80 bits."""
     integrator = _make(problem, TIGHTEST, np.longdouble)
@@ -36,6 +43,35 @@ def precise(problem: Problem) -> NDArray[np.longdouble]:
 def solvers(problem: Problem, coarse: bool) -> list[Solver]:
     """Return the solvers under comparison."""
     return [_solver(problem, tolerance) for tolerance in (COARSE if coarse else TOLERANCES)]
+
+
+def precise_along(
+    physics: Physics, start: tuple[float, ...], drives: NDArray[np.longdouble], lengths: NDArray[np.longdouble]
+) -> NDArray[np.longdouble]:
+    """Solve with 80 bits under drives that are cubics in each interval; return the states at the ends of intervals.
+
+    - `drives` (shape (n, 2, 4)): cubics of the left and of the right drive from the start of each interval [SI].
+    - `lengths` (shape (n,)): of the intervals [s].
+    """
+    import heyoka
+
+    t, x = heyoka.time, heyoka.make_vars(*STATE_NAMES)
+    push, turn = heyoka.par[3], heyoka.par[7]
+    for k in (2, 1, 0):  # powers of 0 are not finite in heyoka
+        push, turn = heyoka.par[k] + t * push, heyoka.par[4 + k] + t * turn
+    rates = derivatives(physics, x, push, turn, heyoka.sin, heyoka.cos)
+    first: NDArray[Any] = np.array(start, dtype=np.longdouble)
+    kind = {"tol": np.longdouble(TIGHTEST), "fp_type": np.longdouble}
+    integrator = heyoka.taylor_adaptive([*zip(x, rates, strict=True)], state=first, **kind)
+    left, right = drives[:, 0], drives[:, 1]
+    states = np.empty((len(lengths) + 1, len(start)), dtype=np.longdouble)
+    states[0] = first
+    for i, both in enumerate(np.concatenate([left + right, right - left], axis=1)):
+        integrator.time = np.longdouble(0)
+        integrator.pars[:] = both
+        integrator.propagate_until(lengths[i])
+        states[i + 1] = integrator.state
+    return states
 
 
 def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = True) -> Any:

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
+from evidence.participants.trials import Population
 from evidence.physics.netboard_taylor import taylor_solvers
 from evidence.physics.reference import make_reference, tight
 from evidence.physics.taylor_bench import sampled_part
 from evidence.physics.taylor_stress import CLAIM, Case, cases, moving, outcome_of, touches
+from evidence.physics.taylor_trials import NAMES, Trial, drives_with_80_bits, errors_of, trials_of
 from evidence.physics.work_precision import measure
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.harness.results import ResultPart
-from netboard.benchmarks.physics.problem import Problem
+from netboard.benchmarks.physics.problem import Model, Problem
+from netboard.physics.hands.sampled import Hands, drives_along, hold_hands
+from netboard.physics.scene.parameters import pack_scene
 
 
 @pytest.mark.slow
@@ -44,3 +48,22 @@ def test_sampled_hands_are_simulated_within_the_claim() -> None:
     part = sampled_part(1)
     assert part.holds
     assert {row[0] for row in part.rows} == {"paper", "lagrangian"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["paper", "lagrangian"])
+def test_a_trial_of_the_paper_is_simulated_within_the_claim(model: Model) -> None:
+    job = Population(trials=1).jobs(1)[0]
+    trial = next(trials_of(job))
+    short = Trial(Hands(trial.hands.t[:301], trial.hands.z[:301], trial.hands.vz[:301]), trial.start)
+    errors = errors_of(Physics(model=model), short)
+    assert errors.shape == (len(NAMES),)
+    assert errors.max() < CLAIM
+
+
+def test_drives_with_80_bits_are_those_of_simulations() -> None:
+    hands, physics = moving(0.02), Physics()
+    held = hold_hands(hands, "hermite")
+    drives = drives_along(held, held.ticks[:-1], pack_scene(physics))
+    precise = drives_with_80_bits(physics, hands).reshape(-1, 8).astype(np.float64)
+    assert np.all(np.abs(drives - precise) <= 1e-7 * np.abs(drives).max(axis=0))

@@ -55,6 +55,8 @@ def row(error: float, cost: float, library: str = OURS, method: str = "rk4", pro
         inf,
         0.002,
         1.0,
+        inf,
+        0.01,
     )
 
 

@@ -2,20 +2,20 @@
 
 All solvers have the same equations, start, hands and reference. The error of a signal is the largest one at the points
 of a grid over the whole run, divided by the signal's largest value (E: the worst of the four). Warm-up and compilation
-are timed separately. Repeats are interleaved, so that a busy machine affects all solvers. Costs are minima over the
-repeats; medians are kept too. To evaluate the movement of the hands costs more than the physics, so each solver counts
-how often it evaluates the hands, or reads them from a table: "physics" excludes that cost, "whole" includes it, and
-"dense" is "physics" with the states kept at all points of the grid; otherwise a method with long steps yields states at
-fewer points.
+are timed separately. Costs are processor time, and repeats are interleaved, so that a busy machine affects all solvers
+alike. Costs are minima over the repeats; medians and quartiles are kept too. To evaluate the movement of the hands
+costs more than the physics, so each solver counts how often it evaluates the hands, or reads them from a table:
+"physics" excludes that cost, "whole" includes it, and "dense" is "physics" with the states kept at all points of the
+grid; otherwise a method with long steps yields states at fewer points.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from math import exp, inf, isnan, log, nan
 from operator import attrgetter
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -82,7 +82,9 @@ class Row:
     - `physics`, `physics_median`: cost per second of simulated time without the evaluation of the hands, minimum and
       median [us].
     - `whole`, `whole_median`: the same with evaluating the hands [us].
-    - `dense`: as `physics`, for a run that also keeps the states every 2 ms; infinite if the method cannot [us].
+    - `dense`, `dense_median`: as `physics`, for a run that also keeps the states every 2 ms; infinite if the method
+      cannot [us].
+    - `spread`: interquartile range of the timings over their median, without states [1].
     - `spacing`: distance of the points at which errors are measured [s].
     - `step_ns`: `physics` for each step; 0 if the number of steps is unknown [ns].
     """
@@ -105,6 +107,8 @@ class Row:
     dense: float
     spacing: float
     step_ns: float
+    dense_median: float
+    spread: float
 
 
 Cost = Callable[[Row], float]
@@ -117,7 +121,7 @@ def input_cost(problem: Problem) -> float:
     """Return the cost of one evaluation of the hands in compiled code."""
     times = np.linspace(0.0, problem.duration, _EVALUATIONS)
     drives_at(problem.waves, times)
-    return min(timed(lambda: drives_at(problem.waves, times)) for _ in range(20)) / _EVALUATIONS * 1e9
+    return min(timed(lambda: drives_at(problem.waves, times), process_time) for _ in range(20)) / _EVALUATIONS * 1e9
 
 
 def measure(
@@ -139,7 +143,7 @@ def measure(
         warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
     tell(f"{problem.name}: timing", share)
-    bare = in_turns([solver.bare for solver in solvers], repeats, budget)
+    bare = in_turns([solver.bare for solver in solvers], repeats, budget, process_time)
     alone = _of_some([solver.alone for solver in solvers], repeats, budget)
     dense = _of_some([solver.dense for solver in solvers], repeats, budget)
     found = zip(solvers, solutions, warm_ups, bare, alone, dense, strict=True)
@@ -151,7 +155,7 @@ def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: 
     some = [run for run in runs if run is not None]
     for run in some:
         run()
-    taken = iter(in_turns(some, repeats, budget))
+    taken = iter(in_turns(some, repeats, budget, process_time))
     return [[] if run is None else next(taken) for run in runs]
 
 
@@ -166,7 +170,7 @@ def _row(
     alone: list[float],
     dense: list[float],
 ) -> Row:
-    """Return error and cost from wall times without states, without hands, and with dense states; empty if not run.
+    """Return error and cost from processor times without states, without hands, with dense states; empty if not run.
 
     - `ns`: cost of one evaluation of the hands in compiled code [ns].
     """
@@ -202,6 +206,8 @@ def _row(
         dense=physics + (min(dense) - min(bare)) * scale if dense else inf,
         spacing=solution.stride * SPACING,
         step_ns=physics / scale / solution.steps * 1e9 if solution.steps else 0.0,
+        dense_median=physics_median + (median(dense) - median(bare)) * scale if dense else inf,
+        spread=float(np.subtract(*np.quantile(bare, (0.75, 0.25)))) / median(bare),
     )
 
 
@@ -210,6 +216,9 @@ def _row(
 
 COSTS: dict[str, Cost] = {name: attrgetter(name) for name in ("physics", "whole", "dense")}
 """Costs that are compared, by the name of the field."""
+
+MEDIANS: dict[str, Cost] = {name: attrgetter(f"{name}_median") for name in COSTS}
+"""Their medians."""
 
 PHYSICS = COSTS["physics"]
 
@@ -273,15 +282,15 @@ class Comparison:
         return all(ratio is None or ratio > 1.0 for ratio in self.ratios)
 
 
-def compare(rows: Sequence[Row]) -> list[Comparison]:
+def compare(rows: Sequence[Row], costs: Mapping[str, Cost] = COSTS) -> list[Comparison]:
     """Compare netboard with each library on each problem, with and without the cost of the hands."""
     found = []
     for problem, here in by_problem(rows).items():
         ours = [row for row in here if row.library == OURS]
         for library in dict.fromkeys(row.library for row in here if row.library != OURS):
             theirs = [row for row in here if row.library == library]
-            for what, cost in COSTS.items():
-                if what != "dense" or any(row.dense < inf for row in theirs):
+            for what, cost in costs.items():
+                if what != "dense" or any(cost(row) < inf for row in theirs):
                     ratios = (
                         ratio(least_cost(ours, error, cost), least_cost(theirs, error, cost)) for error in TARGETS
                     )

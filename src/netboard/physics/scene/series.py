@@ -180,13 +180,14 @@ def _paper(n: int, r: float, length: int, parts: Parts, scene: np.void, table: T
     table[TURN, n] = scene["l"] * turn - weight * table[PLACE, n]
     torque, level = 0.0, 0.0
     if parts.tilts:
-        fall, swing = table[omega, 0] * table[SINE, n], 0.0
-        level = table[COSINE, 0] * table[COSINE, n]
+        fall, swing = 0.0, 0.0
         for k in range(1, n + 1):
             fall += table[omega, k] * table[SINE, n - k]
             swing += table[omega, k] * table[COSINE, n + 1 - k]
             level += table[COSINE, k] * table[COSINE, n - k]
             torque += table[TURN, k - 1] * table[COSINE, n + 1 - k]
+        fall += table[omega, 0] * table[SINE, n]
+        level += table[COSINE, 0] * table[COSINE, n]
         torque += table[TURN, n] * table[COSINE, 0]
         table[SINE, n + 1], table[COSINE, n + 1] = r * table[SWING, n], -(r * fall)
         table[SWING, n + 1] = swing + table[omega, 0] * table[COSINE, n + 1]
@@ -220,11 +221,12 @@ def _lagrangian(
     omega = STATE + 3
     force, turn = _hands(n, parts, scene, table)
     table[TURN, n] = scene["l"] * turn
-    torque, fall, swing = 0.0, table[omega, 0] * table[SINE, n], 0.0
+    torque, fall, swing = 0.0, 0.0, 0.0
     for k in range(1, n + 1):
         fall += table[omega, k] * table[SINE, n - k]
         swing += table[omega, k] * table[COSINE, n + 1 - k]
         torque += table[TURN, k - 1] * table[COSINE, n + 1 - k]
+    fall += table[omega, 0] * table[SINE, n]
     torque += table[TURN, n] * table[COSINE, 0]
     if parts.tilts:
         table[SINE, n + 1], table[COSINE, n + 1] = r * table[SWING, n], -(r * fall)
@@ -258,11 +260,7 @@ def _free_balls(n: int, r: float, x: State, parts: Parts, scene: np.void, table:
     """
     m, g, omega, balls = scene["m"], scene["g"], STATE + 3, len(x) // 2 - 2
     # All sums in one loop; their terms with coefficients that it makes, or that are known already, stand outside.
-    arm = table[PLACE, 0] * table[COSINE, n]
-    spin = table[omega, 0] * table[omega, n]
-    sliding = table[SLIDE, 0] * table[SINE, n + 1]
-    swaying = table[SWING, 0] * table[PLACE, n + 1]
-    lifted, lifting, turning = 0.0, 0.0, 0.0
+    arm, spin, sliding, swaying, lifted, lifting, turning = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     table[LIFT, n] = 0.0
     for k in range(1, n + 1):
         arm += table[PLACE, k] * table[COSINE, n - k]
@@ -272,6 +270,10 @@ def _free_balls(n: int, r: float, x: State, parts: Parts, scene: np.void, table:
         lifted += table[LIFT, k] * table[ARM, n - k]
         lifting += table[LIFT, k] * table[SINE, n - k]
         turning += table[omega, k] * table[SQUARE, n + 1 - k]
+    arm += table[PLACE, 0] * table[COSINE, n]
+    spin += table[omega, 0] * table[omega, n]
+    sliding += table[SLIDE, 0] * table[SINE, n + 1]
+    swaying += table[SWING, 0] * table[PLACE, n + 1]
     table[ARM, n], table[SPIN, n] = arm, spin
     lifted += table[LIFT, 0] * arm
     lifting += table[LIFT, 0] * table[SINE, n]
@@ -279,9 +281,11 @@ def _free_balls(n: int, r: float, x: State, parts: Parts, scene: np.void, table:
     for ball in range(balls):
         p = STATE + 4 + 2 * ball
         fling = 0.0
-        for k in range(n + 1):
+        for k in range(1, n + 1):
             square += table[p, k] * table[p + 1, n - k]
             fling += table[p, k] * table[SPIN, n - k]
+        square += table[p, 0] * table[p + 1, n]
+        fling += table[p, 0] * spin
         flung += fling
         fling -= g * table[SINE, n] + lifting
         if parts.resisted:
