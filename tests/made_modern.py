@@ -67,6 +67,13 @@ def control_rows(trials: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
     return found
 
 
+def opinion_of(dyad: str, force: str, number: int) -> dict[str, str]:
+    """Make an answer to "was that a person?", as if the partner had been a robot with haptics off."""
+    answer = "a program" if (number % 3 == 0) == (force == "full") else "a person"
+    other = "person" if force == "full" else "leader"
+    return {"participant": dyad, "other": other, "questionnaire": "who", "question": "opinion", "answer": answer}
+
+
 def modern_blocks(
     seed: int = 0,
     dyads: int = 4,
@@ -90,7 +97,8 @@ def modern_blocks(
                 moves = [random_movement(chance, trial) for trial in range(1, trials + 1) for _ in range(3)]
                 partner = f"{dyad}B" if configuration == "dyadic" else ""
                 controls = control_rows(rows) if force == "none" else []
-                blocks.append(Block(dyad, performer, configuration, force, rows, moves, partner, controls))
+                answers = [opinion_of(dyad, force, number)] if configuration == "dyadic" else []
+                blocks.append(Block(dyad, performer, configuration, force, rows, moves, partner, controls, answers))
     return blocks
 
 

@@ -40,6 +40,7 @@ class Block:
     movements: Sequence[Row] = ()
     right_by: str = ""
     controls: Sequence[Row] = ()
+    answers: Sequence[Row] = ()
 
 
 def measured(block: Block, number: int) -> Measured:
@@ -78,6 +79,7 @@ def measured(block: Block, number: int) -> Measured:
         rows_of(FIELDS["movements"], movements),
         rows_of(FIELDS["paths"], []),
         rows_of(FIELDS["controls"], controls),
+        rows_of(FIELDS["answers"], [{"recording": name, **row} for row in block.answers]),
     )
 
 

@@ -72,6 +72,7 @@ def block(
         rows_of(FIELDS["movements"], []),
         ball_paths(name, [(trial, attempt) for trial, attempt, _ in attempts], seconds),
         rows_of(FIELDS["controls"], []),
+        rows_of(FIELDS["answers"], []),
     )
 
 

@@ -89,6 +89,8 @@ WITHOUT = {
     ("exact_tests.least_permutation_p", "disturbance"): NO_SAMPLES,
     ("exact_tests.least_permutation_p", "properties"): "takes one integer",
     ("estimates.wilson_interval", "disturbance"): NO_SAMPLES,
+    ("detection.d_prime", "disturbance"): NO_SAMPLES,
+    ("detection.clustered_d_prime", "disturbance"): NO_SAMPLES,
     ("signals.runs", "disturbance"): "takes Boolean values; the caller decides about gaps",
     ("signals.lasting", "disturbance"): "takes Boolean values; the caller decides about gaps",
     ("signals.lasts", "disturbance"): NO_SAMPLES,

@@ -1,5 +1,6 @@
 """Design section of a report: what is counted is what is analysed, and the haptic condition has one name."""
 
+from dataclasses import replace
 from typing import Any
 
 from made_study import Block, Row, declared, made_study, measured, rows_of, times
@@ -19,7 +20,7 @@ def changed(found: Measured, **values: Any) -> Measured:
         if name in trials:
             trials[name] = trials[name].copy().astype(object)
             trials[name][:] = value
-    return Measured(rows_of(BLOCKS, [row | values]), trials, found.movements, found.paths, found.controls)
+    return replace(found, blocks=rows_of(BLOCKS, [row | values]), trials=trials)
 
 
 def with_practice(*overrides: str, kind: str = "practice") -> StudyData:

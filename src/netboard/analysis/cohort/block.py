@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.answers import FIELDS as ANSWERS
 from netboard.analysis.extraction.attempts import PAPER
 from netboard.analysis.extraction.controls import FIELDS as CONTROLS
 from netboard.analysis.extraction.details import MOVEMENTS, movements
@@ -90,6 +91,7 @@ def measured(job: RehearsalJob, place: int, found: Rehearsed, groups: Sequence[G
         columns_of(MOVEMENTS, turns),
         {},
         columns_of(CONTROLS, []),
+        columns_of(ANSWERS, []),
     )
 
 

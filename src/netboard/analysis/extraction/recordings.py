@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.answers import FIELDS as ANSWERS
+from netboard.analysis.extraction.answers import answers
 from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.conditions import factors_text, settings_text
 from netboard.analysis.extraction.controls import FIELDS as CONTROLS
@@ -115,9 +117,17 @@ class Measured:
     movements: Columns
     paths: Columns
     controls: Columns
+    answers: Columns
 
 
-FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": PATHS, "controls": CONTROLS}
+FIELDS = {
+    "blocks": BLOCKS,
+    "trials": TRIALS,
+    "movements": MOVEMENTS,
+    "paths": PATHS,
+    "controls": CONTROLS,
+    "answers": ANSWERS,
+}
 """Columns of each table of `Measured`."""
 
 
@@ -128,7 +138,7 @@ def measure(run: Run, readings: Readings) -> Measured:
         columns, verdicts = _read(recording, readings)
         block = BlockData.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
-        repaired = bool(recording.recovery)
+        repaired, events = bool(recording.recovery), recording.events()
     _refuse_repeats(run, block)
     flags = {(verdict.trial, verdict.attempt): verdict.flags for verdict in verdicts}
     takes = list(block.takes())
@@ -140,6 +150,7 @@ def measure(run: Run, readings: Readings) -> Measured:
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
         columns_of(CONTROLS, list(controls(name, block, takes))),
+        columns_of(ANSWERS, list(answers(name, events))),
     )
 
 

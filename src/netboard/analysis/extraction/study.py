@@ -54,6 +54,7 @@ PLACE_IN_STUDY = (
 
 _SHARED = tuple(field.name for field in PLACE_IN_STUDY)
 _RAW = ("factors", "settings")
+_PLACE_OF_ANSWER = ("dyad", "block", "force", "haptics")
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -68,6 +69,7 @@ class StudyData:
     exclusions: pd.DataFrame
     levels: FactorLevels
     controls: pd.DataFrame
+    answers: pd.DataFrame
 
     @property
     def factors(self) -> tuple[StudyFactor, ...]:
@@ -127,7 +129,7 @@ def study_of(
     in_order = _in_order(measured)
     if paths is None:
         paths = {one.blocks["recording"][0]: pd.DataFrame(one.paths) for one in in_order}
-    joined = ("blocks", "trials", "movements", "controls")
+    joined = ("blocks", "trials", "movements", "controls", "answers")
     tables = {name: _joined([getattr(one, name) for one in in_order]) for name in joined}
     blocks = tables["blocks"]
     blocks["partner"] = [partner_of(movers) for movers in zip(blocks["left_by"], blocks["right_by"], strict=True)]
@@ -140,7 +142,8 @@ def study_of(
     trials = _placed(tables["trials"], blocks, left_out, readings, levels)
     blocks = blocks.assign(**_block_columns(levels))
     moves, controls = (_of_attempts(tables[name], trials, levels) for name in ("movements", "controls"))
-    return StudyData(readings, blocks, trials, moves, paths, left_out, levels, controls)
+    answers = tables["answers"].merge(blocks[["recording", *_PLACE_OF_ANSWER]], on="recording", how="left")
+    return StudyData(readings, blocks, trials, moves, paths, left_out, levels, controls, answers)
 
 
 def pooled(study: StudyData, over: Collection[str]) -> StudyData:
@@ -287,6 +290,7 @@ FIELDS_IN_STUDY = {
         for name in ("movements", "controls")
     },
     "paths": FIELDS["paths"],
+    "answers": (*FIELDS["answers"], *(field for field in PLACE_IN_STUDY if field.name in _PLACE_OF_ANSWER)),
 }
 """Columns of each table of a study, without those of its factors."""
 

@@ -48,6 +48,7 @@ TABLES = (
     TableKind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
     TableKind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
     TableKind("controls", "one successful attempt with haptics off in a control", FIELDS_IN_STUDY["controls"]),
+    TableKind("answers", "one answer of a participant to a question", FIELDS_IN_STUDY["answers"]),
     TableKind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
     TableKind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
     TableKind("exclusions", "one reason why an attempt is excluded", EXCLUSIONS),

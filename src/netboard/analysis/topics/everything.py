@@ -26,6 +26,7 @@ from netboard.analysis.topics import (
     paths,
     primary,
     quality,
+    recognition,
     strategy,
     testing,
 )
@@ -58,6 +59,7 @@ MODERN: tuple[Topic, ...] = (
     leadership.leaders,
     influence.influences,
     paths.mean_paths,
+    recognition.opinions,
     testing.families,
 )
 """Topics beyond the paper."""
@@ -90,7 +92,18 @@ PAPER_FIGURES = tuple(topic.picture for topic in (learning, dyads, classes, stra
 
 MODERN_FIGURES = tuple(
     topic.picture
-    for topic in (quality, measures, contrasts, differences, controls, models, leadership, influence, paths)
+    for topic in (
+        quality,
+        measures,
+        contrasts,
+        differences,
+        controls,
+        models,
+        leadership,
+        influence,
+        paths,
+        recognition,
+    )
 )
 """Figures beyond the paper."""
 
