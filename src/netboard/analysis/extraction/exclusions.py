@@ -27,6 +27,9 @@ NO_COMPLETION = "no completion time: with the settings of this analysis, its sam
 NO_RELEASE = "its release is not in the recording, so its times are not known"
 """Reason for the exclusion of an attempt that began before the first tick of its recording."""
 
+PERTURBED = "a perturbation trial"
+"""Reason for the exclusion of a perturbation trial."""
+
 BLOCK_RUN = ("run", "block", "config_sha256")
 """Columns of the table of blocks that are the same in all recordings of a run of a block."""
 
@@ -121,7 +124,7 @@ def _reasons(
     if rules.catch and row["catch"]:
         yield "a catch trial"
     if rules.perturbed and abs(row["perturbation"]) > 0.0:  # NaN is no perturbation
-        yield "a perturbation trial"
+        yield PERTURBED
     for flag in excluding(str(row["flags"]).split(), flags_of(rules, block), simulated=bool(block["simulated"])):
         yield FLAGS[flag]
     if (row["recording"], row["trial"]) in named:

@@ -100,6 +100,8 @@ ATTEMPT = (
     count("catch", "1: a catch trial, without haptic feedback"),
     number("perturbation", "force of its perturbation, + = towards the target on the ball, else up; 0: none", "N"),
     number("perturbed_at", "onset of the perturbation after the release; NaN: none came", "s"),
+    words("pushed", "where the perturbations of its block act: ball, board, left or right; empty: there are none"),
+    number("push_onset", "when a perturbation began or, in a trial without one, would have begun; NaN: never", "s"),
     words("flags", "quality flags, separated by spaces"),
 )
 """Columns of an attempt beside its measures."""
@@ -207,6 +209,8 @@ def attempt_row(
         "catch": int(attempt.trial in config.block.catch),
         "perturbation": config.perturbation.force_in(attempt.trial),
         "perturbed_at": take.block.perturbed_at(attempt),
+        "pushed": config.perturbation.at if config.perturbation.trials else "",
+        "push_onset": take.block.push_onset(attempt),
         "flags": " ".join(flags.get((attempt.trial, attempt.attempt), ())),
     }
     for group in groups:

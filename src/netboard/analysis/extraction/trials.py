@@ -122,6 +122,19 @@ class BlockData:
         within = self._onsets[(self._onsets >= attempt.tick) & (self._onsets < attempt.stop)]
         return (int(within[0]) - attempt.tick) / RATE if within.size else nan
 
+    def push_onset(self, attempt: Attempt) -> float:
+        """Return when a perturbation began after the release of an attempt, or would have begun without one [s].
+
+        NaN if it never does, and in a block without perturbation trials.
+        """
+        table, began = self.config.perturbation, self.perturbed_at(attempt)
+        if not table.trials or table.force_in(attempt.trial) != 0.0:
+            return began
+        if table.onset == "time":
+            return table.time if table.time * RATE < attempt.stop - attempt.tick else nan
+        passed = self.raw("p")[attempt.tick - self.first : attempt.stop - self.first] * attempt.target >= table.position
+        return int(np.argmax(passed)) / RATE if passed.any() else nan
+
     @property
     def samples(self) -> int:
         """Number of samples, including missing ones [1]."""

@@ -25,6 +25,7 @@ from netboard.analysis.topics import (
     models,
     paths,
     primary,
+    pushes,
     quality,
     recognition,
     strategy,
@@ -60,6 +61,7 @@ MODERN: tuple[Topic, ...] = (
     influence.influences,
     paths.mean_paths,
     recognition.opinions,
+    pushes.pushes,
     testing.families,
 )
 """Topics beyond the paper."""
@@ -103,6 +105,7 @@ MODERN_FIGURES = tuple(
         influence,
         paths,
         recognition,
+        pushes,
     )
 )
 """Figures beyond the paper."""
