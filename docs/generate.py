@@ -426,7 +426,7 @@ POWER = ("about", "power", "false-positives", "precision")
 INFORMATION = ("scenes", "models", "filters", "hands", "senses", "skills", "acquaintance")
 """Those of `make evidence ARGS=information`."""
 
-PARTICIPANTS = ("predictions", "order", "models", "ablations", "differences")
+PARTICIPANTS = ("predictions", "order", "models", "ablations", "differences", "slowing")
 PARTICIPANTS_MODEL = ("others", "rest")
 PARTICIPANTS_FIT = ("posterior", "posterior-models", "posterior-differences")
 """Those of `make evidence ARGS=participants`, by page."""
