@@ -48,20 +48,27 @@ def write_curve(folder: Path, curve: Sequence[TrainingRound], played: Sequence[R
         writer.row((*(field.name for field in fields(TrainingRound)), *RoundPlayed._fields))
         writer.rows((*asdict(one).values(), *plays) for one, plays in zip(curve, played, strict=True))
     (folder / FIGURE).unlink(missing_ok=True)
-    save_figure(figure_of({"": curve}), folder / FIGURE, 150)
+    save_figure(figure_of({"": (curve, played)}), folder / FIGURE, 150)
 
 
-def figure_of(curves: dict[str, Sequence[TrainingRound]]) -> Figure:
-    """Return a figure of some learning curves, by name: share of successful episodes, and their mean length."""
-    figure = Figure(figsize=(7.0, 3.0), layout="constrained")
-    success, seconds = figure.subplots(1, 2, sharex=True)
-    for name, curve in curves.items():
+def figure_of(trainings: dict[str, tuple[Sequence[TrainingRound], Sequence[RoundPlayed]]]) -> Figure:
+    """Return a figure of some trainings, by name.
+
+    It shows the share of successful episodes, their mean length, and how the network of each round plays; one that may
+    not play has no point.
+    """
+    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
+    success, seconds, real = figure.subplots(1, 3, sharex=True)
+    for name, (curve, played) in trainings.items():
         steps = [one.steps / 1e6 for one in curve]
         success.plot(steps, [one.success for one in curve], marker=".", label=name)
         seconds.plot(steps, [one.seconds for one in curve], marker=".")
-    success.set(xlabel="Environment steps [10⁶]", ylabel="Successful episodes [1]", ylim=(-0.02, 1.02))
+        real.plot(steps, [one.played_seconds for one in played], marker=".")
+    success.set(ylabel="Successful episodes [1]", ylim=(-0.02, 1.02))
     seconds.set(xlabel="Environment steps [10⁶]", ylabel="Mean length of these [s]")
-    seconds.set_ylim(bottom=0.0)
-    if len(curves) > 1:
+    real.set(ylabel="Mean of trials of the real task [s]")
+    for panel in (seconds, real):
+        panel.set_ylim(bottom=0.0)
+    if len(trainings) > 1:
         success.legend(title="Seed", fontsize="small")
     return figure
