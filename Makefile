@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-all test-rest test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree site test-site
+.PHONY: help demo test test-all test-rest test-random test-parallel test-quiet test-quick lint imports types evidence docs docs-check wheel lock clean tree site site-links test-site
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -78,7 +78,10 @@ site: .venv/.ready-for-site ## the documentation site, build/site
 	rm -rf build/site
 	NUMBA_DISABLE_JIT=1 $(BIN)/sphinx-build -q -E -W --keep-going -c docs/site -d build/site-cache . build/site
 
-test-site: site ## tests of the site: links, and its search in a browser
+site-links: .venv/.ready-for-site ## links of the site to other hosts, which needs the internet; the list is build/links/output.txt
+	NUMBA_DISABLE_JIT=1 $(BIN)/sphinx-build -q -b linkcheck -c docs/site -d build/site-cache . build/links
+
+test-site: site ## tests of the site: its own links, its search in a browser, and a report at three sizes
 	$(BIN)/python -m pytest -m site tests/site $(ARGS)
 
 wheel: .venv/.ready-to-develop ## dist/netboard-*.whl and dist/netboard-*.tar.gz

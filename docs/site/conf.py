@@ -25,6 +25,13 @@ include_patterns = ["docs/**", "*.md", "changes/README.md", "src/**/*.md"]
 exclude_patterns = ["docs/site"]
 suppress_warnings = ["misc.highlighting_failure"]  # mermaid and csv have no lexer; their blocks are shown as text
 
+linkcheck_timeout = 20  # [s]
+linkcheck_retries = 2
+linkcheck_anchors = False  # many hosts make them by scripts, which it does not run
+linkcheck_ignore = [r"http://(127\.0\.0\.1|localhost)"]  # examples
+linkcheck_allow_unauthorized = True  # a page that asks for a login is there
+linkcheck_report_timeouts_as_broken = False
+
 myst_heading_anchors = 4
 nb_execution_mode = "off"  # a test runs the notebook
 
