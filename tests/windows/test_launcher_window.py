@@ -8,6 +8,7 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.tables.experiment import Block
 from netboard.network.transport.ports import free_port
 from netboard.services.loading import load, load_study
 from netboard.windows.launcher.control import FileReaders, LauncherControl, LauncherMemory, SessionChoice
@@ -290,6 +291,34 @@ def test_rig_that_cannot_be_read_is_not_overwritten(window) -> None:
     press(window, "Ctrl+S")
     assert Path("rig.toml").read_text() == "[block]\ntrails = 3\n"
     assert "rig.toml: exists already, and is not the file that is shown here" in window.rig.problem.text()
+
+
+def test_study_is_changed_by_the_forms_of_its_parts_and_stays_a_text(window, control: LauncherControl) -> None:
+    page = window.study
+    page.editor.setPlainText('name = "x"\n[orders]\nmain = "2 dyadic"\n[kinds.dyadic]\n# both\nperformers = "dyad"\n')
+    assert page.shown.currentWidget() is page.editor
+    page.part.setCurrentText("kinds.dyadic")
+    assert page.shown.currentWidget() is page.form
+    page.table.setCurrentText("block")
+    trials = page.form.inputs["trials"]
+    trials.setText("7")
+    trials.setModified(True)
+    trials.editingFinished.emit()
+    assert page.editor.toPlainText().endswith('# both\nperformers = "dyad"\nblock.trials = 7\n')
+    assert page.part.currentText() == "kinds.dyadic"
+    trials.setText("-7")
+    trials.setModified(True)
+    trials.editingFinished.emit()
+    assert "[kinds.dyadic.block] trials: found -7" in page.problem.text()
+    assert "block.trials = 7" in page.editor.toPlainText()
+    page._begin("paper")
+    assert page.part.currentText() == "kinds.dyadic", "a part that the next study has, too, stays chosen"
+    assert page.form.inputs["trials"].text() == str(Block().trials)
+    page.editor.setPlainText('name = "x"\n[orders]\nmain = "2 solo"\n[kinds.solo]\nperformers = "A"\n')
+    assert page.part.currentText() == "the whole text"
+    assert page.shown.currentWidget() is page.editor
+    page.save()
+    assert control.choice.study == "study.toml"
 
 
 def test_study_that_is_not_shown_is_not_overwritten(window) -> None:

@@ -9,6 +9,7 @@ from netboard.network.protocol.station import ProcessStatus
 from netboard.services.loading import load, load_study
 from netboard.windows.launcher.control import FileReaders, LauncherControl, SessionChoice
 from netboard.windows.launcher.model import LaunchFacts, LaunchStage
+from netboard.windows.launcher.pages import WHOLE_TEXT
 from netboard.windows.launcher.window import LauncherWindow
 
 RIG = '[stations]\nleft = "10.77.0.2"\n[agents.left]\ndevice = "openhaptics"\n'
@@ -21,7 +22,7 @@ LOG = {
 
 NAMES = (
     *("ready", "preparing", "form", "running", "failed", "silent-station", "stopping"),
-    *("rig", "study", "machines"),
+    *("rig", "study", "study-form", "machines"),
 )
 
 
@@ -91,6 +92,7 @@ def states(control: LauncherControl) -> dict[str, tuple[LaunchFacts, int, str]]:
         "stopping": (replace(run, stage=LaunchStage.STOPPING, processes=processes(control, "stopping")), 0, "logger"),
         "rig": (LaunchFacts(), 1, "server"),
         "study": (LaunchFacts(), 2, "server"),
+        "study-form": (LaunchFacts(), 2, "server"),
         "machines": (LaunchFacts(), 3, "left doctor"),
     }
 
@@ -111,6 +113,7 @@ def show(window: LauncherWindow, state: str) -> None:
     if state == "failed":
         control.say("The left agent ended with exit code 1; it is not started again; all others go on", stays=True)
     window.show_page(page)
+    window.study.part.setCurrentText("kinds.dyadic" if state == "study-form" else WHOLE_TEXT)
     window.poll()
     window.table.select(row)
     window.poll()

@@ -32,7 +32,7 @@ THEMES: tuple[ThemeName, ...] = ("dark", "light")
 
 DOCUMENTED = {
     "console": ("form", "running", "pilot", "trouble", "lost-trials", "unrecorded", "stopped", "lost"),
-    "launcher": ("ready", "preparing", "running", "failed", "rig", "study", "machines"),
+    "launcher": ("ready", "preparing", "running", "failed", "rig", "study", "study-form", "machines"),
 }
 """States that the documentation shows, dark and in the smallest size."""
 

@@ -1,16 +1,18 @@
-"""Pages of the launcher: the session, the rig's settings, the study's text, the machines."""
+"""Pages of the launcher: the session, the rig's settings, the study as text and in forms, the machines."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import (
     QComboBox,
+    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPlainTextEdit,
     QPushButton,
+    QStackedWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -32,8 +34,12 @@ from netboard.windows.launcher.settings_form import (
     keeps_all,
     text_of,
 )
+from netboard.windows.launcher.study_form import OWN, StudyPart, changed_study, parts_of
 from netboard.windows.launcher.widgets import DeclaredForm
 from netboard.windows.operator.words import Tone
+
+WHOLE_TEXT = "the whole text"
+"""Name of the text among the parts of a study."""
 
 
 class SessionPage(QWidget):
@@ -142,7 +148,7 @@ class RigPage(QWidget):
 
 
 class StudyPage(QWidget):
-    """A study's text, checked as it is written; `saved` carries the path of a file that was written."""
+    """A study as text and in forms, checked as it is written; `saved` carries the path of a file that was written."""
 
     saved = Signal(str)
 
@@ -154,12 +160,28 @@ class StudyPage(QWidget):
         self.path = QLineEdit("study.toml")
         self.editor = QPlainTextEdit()
         self.editor.setTabChangesFocus(True)
+        self.part, self.table = QComboBox(), QComboBox()
+        self.part.addItem(WHOLE_TEXT)
+        self._parts: tuple[StudyPart, ...] = ()
+        self.form = DeclaredForm()
+        self.shown = QStackedWidget()
+        self.shown.addWidget(self.editor)
+        self.shown.addWidget(self.form)
         self.problem = _problem()
         self.plan = QLabel()
         _small(self.plan)
         self.plan.setWordWrap(True)
         self.save_button = QPushButton("Save the study   Ctrl+S")
-        _column(self, self.start_from, self.path, self.editor, self.plan, self.problem, self.save_button)
+        chosen = QWidget()
+        row = QHBoxLayout(chosen)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(self.part, 1)
+        row.addWidget(self.table, 1)
+        _column(self, self.start_from, self.path, chosen, self.shown, self.plan, self.problem, self.save_button)
+        self.part.currentIndexChanged.connect(lambda _: self._show_part())
+        self.table.currentIndexChanged.connect(lambda _: self._show_form())
+        self.form.entered.connect(self._enter)
+        self._show_part()
         self.start_from.textActivated.connect(self._begin)
         self.editor.textChanged.connect(self._check)
         self.save_button.clicked.connect(self.save)
@@ -172,6 +194,7 @@ class StudyPage(QWidget):
             self.editor.setPlainText(library.text_of(study) if named else read_text(Path(study), "no such study"))
             self.path.setText("study.toml" if named else study)
             self._file.show(None if named else Path(study))
+            self._show_form()
         except ConfigError as error:
             self.problem.setText(str(error))
 
@@ -191,6 +214,7 @@ class StudyPage(QWidget):
         if name in (library.TEMPLATE, *library.names()):
             self.editor.setPlainText(library.text_of(name))
             self._file.show(None)
+            self._show_form()
 
     def _check(self) -> Study | None:
         """Check the text; show its problems, or the blocks of the first dyad."""
@@ -205,7 +229,46 @@ class StudyPage(QWidget):
         first = ", ".join(block.label for block in plan.sessions[0].blocks[:4])
         self.plan.setText(f"{study.name}, dyad 1: {'; '.join(counts)}. First blocks: {first}")
         self.problem.setText("")
+        self._list_parts(study)
         return study
+
+    def _list_parts(self, study: Study) -> None:
+        """List the parts of a study that have forms; the chosen one stays chosen if it is still there."""
+        self._parts = parts_of(study)
+        names, before = [WHOLE_TEXT, *(part.name for part in self._parts)], self.part.currentText()
+        if names != [self.part.itemText(place) for place in range(self.part.count())]:
+            with QSignalBlocker(self.part):
+                self.part.clear()
+                self.part.addItems(names)
+                self.part.setCurrentText(before if before in names else WHOLE_TEXT)
+            self._show_part()
+
+    @property
+    def _chosen(self) -> StudyPart | None:
+        """The part whose form is shown; None for the text."""
+        return next((part for part in self._parts if part.name == self.part.currentText()), None)
+
+    def _show_part(self) -> None:
+        """Show the text, or the forms of the chosen part."""
+        part = self._chosen
+        self.shown.setCurrentWidget(self.editor if part is None else self.form)
+        before = self.table.currentText()
+        with QSignalBlocker(self.table):
+            self.table.clear()
+            self.table.addItems(part.forms if part is not None else ())
+            self.table.setCurrentText(before)  # if this part has it, too
+        self.table.setEnabled(part is not None and len(part.forms) > 1)
+        self._show_form()
+
+    def _show_form(self) -> None:
+        if (part := self._chosen) is not None:
+            self.form.show_fields(part.fields(self.table.currentText() or OWN))
+
+    def _enter(self, field: FormField, entry: str) -> None:
+        try:
+            self.editor.setPlainText(changed_study(self.editor.toPlainText(), field, entry))
+        except ConfigError as error:
+            self.problem.setText("\n".join(str(error).splitlines()[:3]))
 
 
 class MachinesPage(QWidget):

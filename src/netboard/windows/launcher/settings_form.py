@@ -22,6 +22,9 @@ T = TypeVar("T")
 CHOICE = re.compile('"([^"]*)"')
 """A word among the values that a key takes."""
 
+ONLY_WORDS = re.compile('"[^"]*"( or "[^"]*")*')
+"""The values of a key that takes words only."""
+
 DEVICES = {(("agents", side), "device") for side in SIDES}
 """Keys that name a device backend: the registry of backends has the choices."""
 
@@ -44,7 +47,7 @@ class FormField:
             return registry.names()
         if self.key.kind == "true or false":
             return ("false", "true")
-        return tuple(CHOICE.findall(self.key.kind)) if self.key.kind.startswith('"') else ()
+        return tuple(CHOICE.findall(self.key.kind)) if ONLY_WORDS.fullmatch(self.key.kind) else ()
 
     @property
     def suggestions(self) -> tuple[str, ...]:
