@@ -47,7 +47,9 @@ PARTNER_MODELS: dict[PartnerModel, PartnerModelParts] = {
 if tuple(PARTNER_MODELS) != get_args(PartnerModel):
     raise ImportError(f"PARTNER_MODELS: found {tuple(PARTNER_MODELS)}, expected {get_args(PartnerModel)}")
 
-INFORMED: tuple[PartnerModel, ...] = tuple(name for name, one in PARTNER_MODELS.items() if one.tells in ("position", "goal"))
+INFORMED: tuple[PartnerModel, ...] = tuple(
+    name for name, one in PARTNER_MODELS.items() if one.tells in ("position", "goal")
+)
 """Models in which the force tells something of the partner."""
 
 
