@@ -16,8 +16,9 @@ from netboard.base.config import parse
 from netboard.base.errors import NetboardError
 from netboard.base.safeguards import Safeguard
 from netboard.base.tables.experiment import Session
+from netboard.base.tables.questionnaires import ANSWERS, UNANSWERED
 from netboard.benchmarks.harness.rig import Rig
-from netboard.network.protocol.control import Status
+from netboard.network.protocol.control import FORM_AWAITED, Status
 from netboard.nodes.operator.operator import Operator
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.files.reader import Recording
@@ -42,6 +43,19 @@ QUICK = (
 
 PILOT = ("session.pilot=true",)
 STUDY = ("--study", "paper", "--dyad", "3")
+ASKED = """
+name = "asked"
+block.trials = 1
+[orders]
+main = "2 dyadic"
+[kinds.dyadic]
+[questionnaires.opinion]
+after = ["dyadic"]
+form = "person"
+wait = 3600
+"""
+"""A study whose second block waits for answers at the displays."""
+
 KILLS, SUCCESS_EVERY = (50, 10) if sampling.ALL else (3, 2)
 """Number of kills, and how often the server first completes a trial, so that it progresses on a slow machine [1]."""
 FROM_START, FROM_ANSWER = 2.0, 2.5
@@ -191,6 +205,33 @@ def test_questionnaire_after_a_block_is_announced_and_recorded(tmp_path: Path) -
         assert [event.details for event in recording.events() if event.name == "questionnaire"] == [
             {"text": questionnaire}
         ]
+
+
+@pytest.mark.sampled(1, of="whole sessions")
+def test_session_goes_on_without_answers_at_a_dead_display_if_the_operator_skips_them(tmp_path: Path) -> None:
+    (tmp_path / "asked.toml").write_text(ASKED, encoding="utf-8")
+    with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
+        rig.start("logger", "logger", "--once")
+        rig.start("server", "server", "--study", str(tmp_path / "asked.toml"), "--autostart")
+        rig.start_stations(displays=True)
+        wait_and_resume(rig, lambda s: FORM_AWAITED in s.notice)
+        rig.kill("right display")
+        rig.start("control", "control", "skip_form")
+        assert rig.wait("control") == 0
+        assert "goes on without answers from left and right" in rig.output_of("control")
+        rig.until(lambda s: s.block == 2)
+        assert rig.stop("left display") == 0
+        recordings = rig.finish()
+    events = []
+    for path in recordings:
+        with Recording(path) as recording:
+            assert verify_recording(recording).identical
+            events += recording.events()
+    missing = [event.details for event in events if event.name == UNANSWERED]
+    skipped = [(one["station"], one["block"]) for one in missing if one.get("skipped_by")]
+    assert skipped == [("left", "1"), ("right", "1")]
+    answers = [event.details for event in events if event.name == ANSWERS]
+    assert [(one["station"], one["block"], one["complete"]) for one in answers] == [("left", "1", "false")]
 
 
 @pytest.mark.sampled(1, of="whole sessions")
