@@ -248,7 +248,7 @@ PHYSICS = (
 )
 """Tables of `make evidence ARGS=physics` that are in the page on accuracy."""
 
-TAYLOR = ("ratios-dense", "ratios-physics", "spacing", "sampled", "stress")
+TAYLOR = ("ratios-dense", "ratios-physics", "spacing", "sampled", "trials", "lanes", "stress")
 """Those of `make evidence ARGS=taylor`, in the same page."""
 
 STABILITY = (

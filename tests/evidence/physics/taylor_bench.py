@@ -3,7 +3,7 @@
 All solvers run in turns in one process, so that a busy machine slows all of them. Costs are processor time; ratios are
 those of medians, or medians of the ratios of each turn. Parts: errors and costs with states kept every 2 ms and
 without; costs by the distance of the states; simulations of sampled hands, beside `dop853`; trials of the paper's task,
-beside 80 bits; scenes and hands that make steps difficult.
+beside 80 bits; many simulations in the lanes of registers; scenes and hands that make steps difficult.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,6 +19,7 @@ from evidence.physics.bench import PEERS, find_reference
 from evidence.physics.netboard_methods import one_step_solvers
 from evidence.physics.netboard_taylor import taylor_run, taylor_solvers
 from evidence.physics.parts import ratios_parts, runs_part
+from evidence.physics.taylor_lanes import lanes_part
 from evidence.physics.taylor_stress import stress_part
 from evidence.physics.taylor_trials import QUICK_TRIALS, TRIALS, trials_part
 from evidence.physics.work_precision import MEDIANS, Row, Solver, compare, measure
@@ -66,6 +67,8 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     yield sampled_part(repeats)
     tell("trials of the paper's task", 0.85)
     yield trials_part(QUICK_TRIALS if quick else TRIALS)
+    tell("simulations in lanes", 0.88)
+    yield lanes_part(repeats)
     tell("stress", 0.9)
     yield stress_part()
     figures.draw(rows, folder, signals=False)

@@ -7,6 +7,7 @@ from evidence.participants.trials import Population
 from evidence.physics.netboard_taylor import taylor_solvers
 from evidence.physics.reference import make_reference, tight
 from evidence.physics.taylor_bench import sampled_part
+from evidence.physics.taylor_lanes import LANES, group_runs, make_taylor_lanes
 from evidence.physics.taylor_stress import CLAIM, Case, cases, moving, outcome_of, touches
 from evidence.physics.taylor_trials import NAMES, Trial, drives_with_80_bits, errors_of, trials_of
 from evidence.physics.work_precision import measure
@@ -14,7 +15,8 @@ from netboard.base.tables.scene import Physics
 from netboard.benchmarks.harness.results import ResultPart
 from netboard.benchmarks.physics.problem import Model, Problem
 from netboard.physics.hands.sampled import Hands, drives_along, hold_hands
-from netboard.physics.scene.parameters import pack_scene
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.series import table_of
 
 
 @pytest.mark.slow
@@ -67,3 +69,21 @@ def test_drives_with_80_bits_are_those_of_simulations() -> None:
     drives = drives_along(held, held.ticks[:-1], pack_scene(physics))
     precise = drives_with_80_bits(physics, hands).reshape(-1, 8).astype(np.float64)
     assert np.all(np.abs(drives - precise) <= 1e-7 * np.abs(drives).max(axis=0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("physics", [Physics(), Physics(model="lagrangian", c_h=60.0)])
+def test_simulations_in_lanes_equal_the_same_simulations_alone(physics: Physics) -> None:
+    together, alone = group_runs(physics, 2 * LANES)
+    found, exact = together(), alone()
+    ranges = np.ptp(exact, axis=(0, 1))
+    assert np.all(np.ptp(exact[:, -1], axis=0)[[2, 4]] > 1e-3 * ranges[[2, 4]])
+    assert np.all(np.abs(found - exact).max(axis=(0, 1)) < 1e-11 * ranges)
+
+
+def test_lanes_whose_state_overflows_are_nan() -> None:
+    march, room = make_taylor_lanes(parts_of(Physics())), np.zeros(table_of(6).size * LANES)
+    out = np.zeros((2, 6, LANES))
+    first, drives, lengths = np.full((6, LANES), 1e300), np.zeros((2, 8, LANES)), np.full(2, 1e-3)
+    march(first, drives, lengths, 1e-12, 15, pack_scene(Physics()), room, out)
+    assert np.isnan(out).all()

@@ -62,6 +62,18 @@ def table_of(length: int) -> Table:
 
 
 @inlined
+def larger_of(one: float, other: float) -> float:
+    """Return the larger of two speeds [SI].
+
+    Parameters
+    ----------
+    one, other : float
+        The speeds [SI].
+    """
+    return max(one, other)
+
+
+@inlined
 def begin_series(x: State, side: float, parts: Parts, scene: np.void, table: Table) -> tuple[float, float, float]:
     """Write the coefficients of order 0, except those of the drives; return the inertia [kg, kg m, kg m2].
 
@@ -117,10 +129,10 @@ def extend_series(
     table[STATE + 1, n + 1], table[STATE + 3, n + 1] = r * az, r * ao
     table[SWING, n + 1] += r * ao * table[COSINE, 0]
     table[LOAD, n + 1] = scene["m"] * scene["g"] * side * table[COSINE, n + 1]
-    size: float = max(abs(r * az), scene["l"] * abs(r * ao))
+    size: float = larger_of(abs(r * az), scene["l"] * abs(r * ao))
     if parts.free:
         for i in range(5, len(x), 2):
-            size = max(size, abs(table[STATE + i, n + 1]))
+            size = larger_of(size, abs(table[STATE + i, n + 1]))
     return size
 
 
