@@ -198,7 +198,7 @@ class BlockData:
     @cached_property
     def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Filtered forces of the left and the right hand on the board, shape (n,) each [N]."""
-        left, right = (self.fast(self.raw(name), RATE) for name in FORCES)
+        left, right = self.fast.together([self.raw(name) for name in FORCES], RATE, [(), ()])
         return left, right
 
     def segments(self, filtered: FilteredMotion) -> Segments:

@@ -105,9 +105,17 @@ def ball_speed(
     low_pass : LowPass
         Low-pass filter; by default that of the paper, 5 Hz.
     """
-    if order == "absolute_first":
-        return low_pass(np.abs(vp), rate, breaks)
-    return np.abs(low_pass(vp, rate, breaks))
+    return _rectified_after(low_pass(_rectified_before(vp, order), rate, breaks), order)
+
+
+def _rectified_before(vp: NDArray[np.float64], order: SpeedOrder) -> NDArray[np.float64]:
+    """Return the ball's velocity as it enters the filter."""
+    return np.abs(vp) if order == "absolute_first" else vp
+
+
+def _rectified_after(filtered: NDArray[np.float64], order: SpeedOrder) -> NDArray[np.float64]:
+    """Return the ball's speed from what leaves the filter."""
+    return filtered if order == "absolute_first" else np.abs(filtered)
 
 
 def motion(
@@ -143,8 +151,10 @@ def motion(
     """
     if len({left_z.shape, right_z.shape, theta.shape, p.shape}) != 1 or left_z.ndim != 1:
         raise ValueError("heights, tilt and ball must have one value each for every sample")
-    left, right, tilt, ball = fast(left_z, rate), fast(right_z, rate), fast(theta, rate), fast(p, rate, placed)
+    left, right, tilt, ball = fast.together([left_z, right_z, theta, p], rate, [(), (), (), placed])
     vp = derivative(ball, rate, placed)
+    rolling = _rectified_before(vp, speed)
+    omega, rolled = slow.together([derivative(tilt, rate), rolling], rate, [(), placed])
     return FilteredMotion(
         rate=rate,
         left_z=left,
@@ -152,10 +162,10 @@ def motion(
         left_vz=derivative(left, rate) if left_vz is None else fast(left_vz, rate),
         right_vz=derivative(right, rate) if right_vz is None else fast(right_vz, rate),
         theta=tilt,
-        omega=slow(derivative(tilt, rate), rate),
+        omega=omega,
         p=ball,
         vp=vp,
-        speed=ball_speed(vp, rate, order=speed, low_pass=slow, breaks=placed),
+        speed=_rectified_after(rolled, speed),
     )
 
 
