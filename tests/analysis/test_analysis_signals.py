@@ -97,6 +97,49 @@ def test_padding_equals_that_of_scipy(padding: str, length: int) -> None:
     np.testing.assert_array_equal(LowPass(20.0, padding=padding, pad=0.2)(ramp, RATE), expected)
 
 
+@pytest.mark.parametrize("padding", ["odd", "even", "constant", "none"])
+def test_signals_filtered_together_equal_each_alone_and_scipy(padding: str) -> None:
+    """Equal to the bit, piece by piece, whatever lies on the other lanes: gaps, breaks, huge and tiny values."""
+    rng = np.random.default_rng(5)
+    signals = [rng.normal(size=size).cumsum() * scale for size, scale in ((900, 1), (1300, 1e280), (7, 1e-300))]
+    signals += [rng.normal(size=1100), rng.normal(size=1), np.empty(0), np.full(5, np.nan)]
+    signals[0][[0, 200, 201, 899]] = np.nan
+    breaks = [(300, 302, 300), (), (), (1, 500), (), (), ()]
+    low_pass = LowPass(20.0, padding=padding, pad=0.1)
+    found = low_pass.together(signals, RATE, breaks)
+    sections = butter(5, 20, fs=RATE, output="sos")
+    kind = None if padding == "none" else padding
+    for values, own, filtered in zip(signals, breaks, found, strict=True):
+        np.testing.assert_array_equal(filtered, low_pass(values, RATE, own))
+        for first, stop in pieces_of(values, own):
+            pad = 0 if padding == "none" else min(100, stop - first - 1)
+            expected = sosfiltfilt(sections, values[first:stop], padtype=kind, padlen=pad)
+            np.testing.assert_array_equal(filtered[first:stop], expected)
+        np.testing.assert_array_equal(np.isnan(filtered), np.isnan(values))
+
+
+def pieces_of(values: np.ndarray, breaks: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Pieces between gaps and breaks."""
+    known = np.isfinite(values)
+    starts = [n for n in np.flatnonzero(known) if n == 0 or not known[n - 1] or n in breaks]
+    return [
+        (n, next(k for k in range(n + 1, len(values) + 1) if k == len(values) or k in starts or not known[k]))
+        for n in starts
+    ]
+
+
+def test_derivative_equals_the_gradient_of_numpy_to_the_bit() -> None:
+    x = np.random.default_rng(6).normal(size=600)
+    x[[0, 100, 102, 103, 106, 599]] = np.nan
+    breaks = (200, 201, 203, 206, 400)
+    found = derivative(x, RATE, breaks)
+    for first, stop in pieces_of(x, breaks):
+        order = 2 if stop - first > 2 else 1
+        expected = [np.nan] if stop - first == 1 else np.gradient(x[first:stop], 1 / RATE, edge_order=order)
+        np.testing.assert_array_equal(found[first:stop], expected)
+    assert np.isnan(found[np.isnan(x)]).all()
+
+
 def test_invalid_filter_parameters_are_refused() -> None:
     with pytest.raises(ValueError, match="odd order, found 9"):
         LowPass(5.0, order=9)

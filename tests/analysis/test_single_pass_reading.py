@@ -11,6 +11,7 @@ from netboard.analysis.extraction.trials import BlockData, columns_for
 from netboard.base.safeguards import Safeguard
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import runs_of
+from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
 from netboard.task.trials.quality import FIELDS_NEEDED, Referee, empty_tally, tally
@@ -54,7 +55,28 @@ def test_streamed_columns_equal_those_of_the_recording(recordings: tuple[Path, .
     assert measured.blocks["ticks"][0] == block.samples
     apart = [take.completion for take in block.takes()]
     assert measured.trials["completion"].tolist() == apart
-    assert ("left_used_vz" in columns_for(readings)) == (velocity == "device")
+    assert ("left_used_vz" in columns_for(run.config, readings)) == (velocity == "device")
+
+
+def test_measuring_reads_each_chunk_once(recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    (run,) = runs_of(recordings[:1])
+    read, chunk = [], Container.chunk
+
+    def counted(self: Container, offset: int) -> bytes:
+        read.append(offset)
+        return chunk(self, offset)
+
+    monkeypatch.setattr(Container, "chunk", counted)
+    measure(run, Readings())
+    assert len(read) == len(set(read)) > 1
+
+
+def test_events_read_along_with_ticks_equal_those_read_alone(recordings: tuple[Path, ...]) -> None:
+    with Recording(recordings[0]) as recording:
+        alone = recording.events()
+    with Recording(recordings[0]) as recording:
+        recording.ticks()
+        assert recording.events() == alone != ()
 
 
 def test_selected_fields_are_read_in_batches_to_the_bit(recordings: tuple[Path, ...]) -> None:

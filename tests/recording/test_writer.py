@@ -4,6 +4,7 @@ import io
 import json
 import os
 import shutil
+import struct
 from pathlib import Path
 
 import jsonschema
@@ -19,11 +20,12 @@ from netboard.base.tables.rig import RecordingSettings
 from netboard.base.tick import TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import EventRecord, TickRecord
+from netboard.recording.files.container import ChunkEntry, Container
 from netboard.recording.files.provenance import config_sha256, next_recording, provenance
 from netboard.recording.files.reader import Recording as Reader
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import PLOTTED_EVERY
-from netboard.recording.format.chunks import messages, payloads, unpack_chunk
+from netboard.recording.format.chunks import messages, payloads_of, unpack_chunk
 from netboard.recording.format.partfile import PartFile
 from samples import (
     CONFIG_TEXT,
@@ -211,9 +213,32 @@ def test_chunk_decoder_agrees_with_the_mcap_library(recording: Path) -> None:
         body = _body(chunk)
         data = unpack_chunk(body)
         entries = list(messages(data))
-        assert payloads(data, 1) == [entry.data for entry in entries if entry.channel_id == 1]
+        expected = tuple([entry.data for entry in entries if entry.channel_id == number] for number in (1, 2, 77))
+        assert payloads_of(data, (1, 2, 77)) == expected
         ours += entries
     assert [(m.channel_id, m.sequence, m.log_time, m.publish_time, m.data) for m in theirs] == ours
+
+
+@pytest.mark.parametrize("cut", [1, 8, 30])
+def test_chunk_with_a_wrong_length_is_refused(cut: int) -> None:
+    message = struct.pack("<BQHIQQ", 5, 22 + 3, 1, 0, 0, 0) + b"abc"
+    assert payloads_of(2 * message, (1,)) == ([b"abc", b"abc"],)
+    for data in (message + message[:cut], struct.pack("<BQ", 5, 2**64 - 1) + bytes(30), struct.pack("<BQ21x", 5, 21)):
+        with pytest.raises(RecordingError, match="length of a record"):
+            payloads_of(data, (1,))
+
+
+def test_entries_of_the_index_agree_with_the_mcap_library(recording: Path) -> None:
+    with recording.open("rb") as file:
+        theirs = sorted(make_reader(file).get_summary().chunk_indexes, key=lambda one: one.chunk_start_offset)
+    container = Container(recording)
+    ours = container.chunk_indexes
+    container.close()
+    assert len(ours) == len(theirs) > 1
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.channels == tuple(other.message_index_offsets)
+        for name in set(ChunkEntry._fields) - {"channels"}:
+            assert getattr(one, name) == getattr(other, name)
 
 
 def _body(chunk: Chunk) -> bytes:

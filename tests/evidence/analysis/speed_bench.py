@@ -26,6 +26,7 @@ from evidence.analysis.costs import (
     cost_without_cache,
 )
 from evidence.analysis.rehearsed_study import rehearse_study
+from evidence.analysis.step_costs import steps_part
 from netboard.base.process.workers import cores
 from netboard.benchmarks.harness.processes import in_fresh_process
 from netboard.benchmarks.harness.results import Folder, ResultPart
@@ -115,6 +116,7 @@ def study(
             tell(f"analysing {share:.0%} of the study", 0.4 + 0.5 * share)
             some = recordings[: max(1, round(share * len(recordings)))]
             rows.append(_row(some, workers, place / f"cache-{share}", QUICK_ROUNDS if quick else ROUNDS))
+        yield in_fresh_process(steps_part, recordings)
         yield _costs(rows, workers)
         yield _scaling(rows)
         yield _memory(rows)

@@ -12,6 +12,7 @@ from time import process_time
 import numpy as np
 
 from evidence.participants.trials import PAPER_TRIALS, Population
+from netboard.analysis.cohort.block import measured, rehearse
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, ResultPart
@@ -29,6 +30,9 @@ ROUNDS, QUICK_ROUNDS = 7, 3
 QUICK_TRIALS = 10
 """Successful trials in a block of a quick run; otherwise it is the paper's [1]."""
 
+STUDIES = 1000
+"""Virtual studies of `DYADS` dyads whose time is extrapolated from one session [1]."""
+
 SINGLY, BATCHED = 2000.0, 4000.0
 """How much faster than real time one session, and sessions in a row, are to be [1]."""
 
@@ -36,8 +40,10 @@ _ALONE = "the stage alone: one block"
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
-    """Time rehearsals."""
-    yield speed_part(QUICK_TRIALS, QUICK_ROUNDS, tell) if quick else speed_part(PAPER_TRIALS, ROUNDS, tell)
+    """Time rehearsals, and the virtual studies of a cohort."""
+    trials, rounds = (QUICK_TRIALS, QUICK_ROUNDS) if quick else (PAPER_TRIALS, ROUNDS)
+    yield speed_part(trials, rounds, tell)
+    yield cohort_part(trials, rounds, tell)
 
 
 def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
@@ -72,6 +78,43 @@ def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
     for name, wanted in ((one, SINGLY), (batch, BATCHED)):
         claim = f"{name} on one core: at least {wanted:.0f} times as fast as real time"
         part.claim(claim, fast[name] >= wanted, f"{fast[name]:.0f} times")
+    return part
+
+
+def cohort_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
+    """Time the steps of a virtual study, on one of its sessions, beside the stage alone."""
+    jobs = Population(trials=trials).jobs(1)
+    found = [rehearse(job) for job in jobs]
+    ticks = sum(one.ticks for one in found)
+
+    def whole() -> None:
+        for place, job in enumerate(jobs, start=1):
+            measured(job, place, rehearse(job))
+
+    alone = _stage_alone(jobs)
+    steps: dict[str, tuple[Callable[[], object], int]] = {
+        _ALONE: (alone, alone()),
+        "simulation": (lambda: _rehearse(jobs), ticks),
+        "simulation, columns, attempts, flags": (lambda: [rehearse(job) for job in jobs], ticks),
+        "all of these, and measures": (whole, ticks),
+    }
+    whole()
+    taken: dict[str, list[float]] = {name: [] for name in steps}
+    for number in range(rounds):
+        tell("speed of cohorts", number / rounds)
+        for name, (run, count) in steps.items():
+            start = process_time()
+            run()
+            taken[name].append((process_time() - start) / count)
+    part = ResultPart(
+        "cohort",
+        f"Processor time of a virtual study: one session, {trials} trials in a block, {rounds} rounds in turn",
+        f"what | ticks | a tick, median [ns] | fastest [ns] | / stage alone | {STUDIES} studies, 2 cores [h]",
+    )
+    for name, times in taken.items():
+        ratio = median(one / floor for one, floor in zip(times, taken[_ALONE], strict=True))
+        hours = median(times) * ticks * DYADS * STUDIES / 2.0 / 3600.0
+        part.add(name, steps[name][1], 1e9 * median(times), 1e9 * min(times), ratio, hours)
     return part
 
 

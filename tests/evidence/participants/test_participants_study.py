@@ -17,7 +17,7 @@ from evidence.participants.paper import EXTRA, STATEMENTS, Sample, Statement
 from evidence.participants.predictions import Prediction, differences_part, models_part, studies
 from evidence.participants.trials import ATTEMPT, Performance, Population, longest_rest, perform
 from netboard.analysis.cohort.block import measured, rehearse
-from netboard.benchmarks.harness.running import Options, run
+from netboard.benchmarks.harness.running import Options, no_progress, run
 
 
 def attempts_of_dyad(dyad: int = 1, trials: int = 18) -> np.ndarray:
@@ -244,3 +244,12 @@ def test_speed_is_measured_beside_the_stage_alone(tmp_path: Path, monkeypatch: p
     alone, uninformed, one, batch = (dict(zip(part["columns"], row, strict=True)) for row in part["rows"])
     assert alone["/ stage alone"] == 1.0
     assert alone["ticks"] < min(uninformed["ticks"], one["ticks"]) <= one["ticks"] < batch["ticks"]
+
+
+@pytest.mark.slow
+def test_steps_of_a_virtual_study_are_timed_beside_the_stage_alone() -> None:
+    part = speed.cohort_part(1, 1, no_progress)
+    alone, *steps = part.rows
+    assert alone[4] == 1.0
+    assert {row[1] for row in steps} == {sum(rehearse(job).ticks for job in Population(trials=1).jobs(1))}
+    assert all(row[5] == pytest.approx(1e-9 * row[2] * row[1] * speed.DYADS * speed.STUDIES / 7200.0) for row in steps)

@@ -36,6 +36,9 @@ READINGS = Readings()
 TRIALS = (*ATTEMPT, *(field for group in PAPER for field in group.fields))
 """Columns of the attempts of a virtual study: the measures of the paper."""
 
+PIECE = 2_000
+"""Ticks that are simulated in one piece: their rows then stay in the cache of a core while they are read [1]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Rehearsed:
@@ -60,7 +63,7 @@ def rehearse(job: RehearsalJob, *, forces: bool = False) -> Rehearsed:
     flags: dict[tuple[int, int], tuple[str, ...]] = {}
 
     def portions() -> Iterator[NDArray[Any]]:
-        for rows in rehearsal.pieces():
+        for rows in rehearsal.pieces(PIECE):
             for name, own in parts.items():
                 own.append(rows[name].copy())
             ended = referee.watch(rows, 0, len(rows))

@@ -191,9 +191,7 @@ def _bounds(values: NDArray[np.float64], breaks: NDArray[np.int64]) -> NDArray[n
     return found[:count].copy()
 
 
-def _joined(
-    size: int, bounds: NDArray[np.int64], pieces: Iterator[NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def _joined(size: int, bounds: NDArray[np.int64], pieces: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return a signal of its next pieces, with missing samples between them."""
     if len(bounds) == 1 and bounds[0, 1] - bounds[0, 0] == size:
         return next(pieces)

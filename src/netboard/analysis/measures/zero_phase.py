@@ -43,8 +43,10 @@ def zero_phase(
         Assumed signal beyond the ends, as for `netboard.analysis.measures.signals.LowPass`.
     """
     pads = [min(longest, piece.size - 1) for piece in pieces]
-    lanes, firsts, height = _placed([piece.size + 2 * pad for piece, pad in zip(pieces, pads, strict=True)])
-    tape = np.zeros((LANES, height))
+    lanes, firsts, ends = _placed([piece.size + 2 * pad for piece, pad in zip(pieces, pads, strict=True)])
+    tape = np.empty((LANES, max(ends)))  # not `np.zeros`, which asks the system for new memory each time
+    for lane_number, end in enumerate(ends):
+        tape[lane_number, end:] = 0.0
     places = np.array([lanes, firsts, pads, [piece.size for piece in pieces]], np.int64).T.copy()
     for piece, place in zip(pieces, places, strict=True):
         _lay(tape, place, piece, PADDINGS.index(padding))
@@ -54,15 +56,15 @@ def zero_phase(
     return [tape[lane, first + pad : first + pad + size] for lane, first, pad, size in places.tolist()]
 
 
-def _placed(lengths: Sequence[int]) -> tuple[list[int], list[int], int]:
-    """Return the lane and the first sample of each piece, the longest ones first, and the samples of the tape [1]."""
+def _placed(lengths: Sequence[int]) -> tuple[list[int], list[int], list[int]]:
+    """Return the lane and the first sample of each piece, the longest ones first, and the end of each lane [1]."""
     ends = [0] * LANES
     lanes, firsts = [0] * len(lengths), [0] * len(lengths)
     for k in sorted(range(len(lengths)), key=lambda k: -lengths[k]):
         lanes[k] = ends.index(min(ends))
         firsts[k] = ends[lanes[k]]
         ends[lanes[k]] += lengths[k]
-    return lanes, firsts, max(ends)
+    return lanes, firsts, ends
 
 
 def _turns(places: NDArray[np.int64], *, backward: bool) -> NDArray[np.int64]:

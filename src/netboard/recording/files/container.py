@@ -15,6 +15,7 @@ from functools import cached_property
 from io import SEEK_END, BytesIO
 from pathlib import Path
 from threading import Lock
+from typing import NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -22,7 +23,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    ChunkIndex,
     Header,
     Metadata,
     MetadataIndex,
@@ -44,6 +44,10 @@ from netboard.recording.format.claims import (
 
 _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
+# An entry of the index: times, offset, length and size of its list of channels; a channel and where its messages are
+# listed; the length of these lists and of the name of the compression; compressed and uncompressed size.
+_ENTRY_HEAD, _ENTRY_CHANNEL = struct.Struct("<QQQQI"), struct.Struct("<HQ")
+_ENTRY_NAME, _ENTRY_SIZES = struct.Struct("<QI"), struct.Struct("<QQ")
 _MAX_BYTES: dict[int, int] = {
     Opcode.HEADER: MAX_RECORD_BYTES,
     Opcode.METADATA: MAX_RECORD_BYTES,
@@ -52,6 +56,28 @@ _MAX_BYTES: dict[int, int] = {
 }
 """Largest size of the records that the index names, by kind [bytes]."""
 _NOT_IN_INDEX = frozenset((Opcode.HEADER, Opcode.CHUNK, Opcode.DATA_END, Opcode.FOOTER))
+
+
+class ChunkEntry(NamedTuple):
+    """What the index says of a chunk; ``channels``: those with messages in it, empty if it does not say."""
+
+    message_start_time: int
+    message_end_time: int
+    chunk_start_offset: int
+    chunk_length: int
+    channels: tuple[int, ...]
+    compressed_size: int
+    uncompressed_size: int
+
+    @classmethod
+    def read(cls, body: bytes) -> "ChunkEntry":
+        """Parse an entry; the upstream library makes a Python object of each number, which takes much longer."""
+        start, end, offset, length, size = _ENTRY_HEAD.unpack_from(body)
+        after = _ENTRY_HEAD.size + size
+        channels = tuple(number for number, _ in _ENTRY_CHANNEL.iter_unpack(body[_ENTRY_HEAD.size : after]))
+        _, name = _ENTRY_NAME.unpack_from(body, after)
+        sizes = _ENTRY_SIZES.unpack_from(body, after + _ENTRY_NAME.size + name)
+        return cls(start, end, offset, length, channels, *sizes)
 
 
 class Container:
@@ -187,16 +213,14 @@ class Container:
         if number is None or self.counts.get(topic, 1) == 0:
             return []  # parsing the index of an hour takes 0.1 s
         return [
-            index.chunk_start_offset
-            for index in self.chunk_indexes
-            if not index.message_index_offsets or number in index.message_index_offsets
+            index.chunk_start_offset for index in self.chunk_indexes if not index.channels or number in index.channels
         ]
 
     @cached_property
-    def chunk_indexes(self) -> list[ChunkIndex]:
+    def chunk_indexes(self) -> list[ChunkEntry]:
         """The entries of the index for the chunks, in file order; no two chunks share a byte."""
         with self.sound():
-            found = [ChunkIndex.read(_stream(body)) for body in self._index.get(Opcode.CHUNK_INDEX, ())]
+            found = [ChunkEntry.read(body) for body in self._index.get(Opcode.CHUNK_INDEX, ())]
             found.sort(key=lambda chunk: chunk.chunk_start_offset)
             starts = [chunk.chunk_start_offset for chunk in found] + [os.fstat(self._file.fileno()).st_size]
             for chunk, following in zip(found, starts[1:], strict=True):

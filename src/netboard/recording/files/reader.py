@@ -27,7 +27,7 @@ from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
 from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, WORD, BatchLayout, attempts_of
 from netboard.recording.format.channels import FORMAT_VERSION, IDS, TICKS, read_record
-from netboard.recording.format.chunks import payloads
+from netboard.recording.format.chunks import payloads_of
 from netboard.recording.format.claims import MAX_WHOLE, shown
 from netboard.recording.format.partfile import PROFILE
 from netboard.recording.format.sequence import EVIDENCE, NUMBERED, misnumbered, misplaced, misplaced_chunk, several
@@ -47,6 +47,8 @@ _MIN_SHARE, _MAX_SHARE = 8, 24
 """Threads that decode batches, and the least and the most batches that one takes at a time [1]."""
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
+
+EVENTS = "/event"
 
 FILLED = tuple(f"{side}_{name}" for side in SIDES for name in ("rendered", "safeguards"))
 _FILLING = (*FILLED, "time_ns")
@@ -83,6 +85,7 @@ class Recording:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self._file = Container(self.path)
+        self._events_seen: dict[int, list[bytes]] = {}  # of chunks that were read for their ticks, by offset
         try:
             self._open()
         except BaseException:
@@ -389,11 +392,19 @@ class Recording:
         return {name: rows[name] for name in names}
 
     def _payloads(self, offset: int, topic: str) -> list[bytes]:
-        return payloads(self._file.chunk(offset), self._file.channels[topic])
+        """Return the messages of a chunk on a topic; of a chunk with ticks, keep the events for later."""
+        if topic == EVENTS and offset in self._events_seen:
+            return self._events_seen[offset]
+        topics = [one for one in dict.fromkeys((topic, EVENTS)) if one in self._file.channels]
+        found = payloads_of(self._file.chunk(offset), [self._file.channels[one] for one in topics])
+        by_topic = dict(zip(topics, found, strict=True))
+        if topic != EVENTS and by_topic.get(EVENTS):
+            self._events_seen[offset] = by_topic[EVENTS]
+        return by_topic[topic]
 
     def events(self) -> tuple[EventRecord, ...]:
         """All events."""
-        return self._records("/event", EventRecord)
+        return self._records(EVENTS, EventRecord)
 
     def clocks(self) -> tuple[ClockRecord, ...]:
         """All raw clock probes."""

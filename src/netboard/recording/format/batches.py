@@ -88,19 +88,23 @@ def unpack_columns(
     """
     count = planes.shape[2]
     for c in range(len(places)):
-        column = planes[places[c]]
+        p = planes[places[c]]
+        b0, b1, b2, b3, b4, b5, b6, b7 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
+        column = words[c, first : first + count]
         for k in range(count):
-            word = np.uint64(0)
-            for byte in range(WORD):
-                word |= np.uint64(column[byte, k]) << np.uint64(8 * byte)
-            words[c, first + k] = np.int64(word)
-        if folded:
-            for k in range(first, first + count):
-                word = np.uint64(words[c, k])
-                words[c, k] = np.int64(word >> np.uint64(1)) ^ -np.int64(word & np.uint64(1))
+            # Written out, so that the compiler joins several words at a time.
+            word = np.uint64(b0[k]) | np.uint64(b1[k]) << np.uint64(8)
+            word |= np.uint64(b2[k]) << np.uint64(16) | np.uint64(b3[k]) << np.uint64(24)
+            word |= np.uint64(b4[k]) << np.uint64(32) | np.uint64(b5[k]) << np.uint64(40)
+            word |= np.uint64(b6[k]) << np.uint64(48) | np.uint64(b7[k]) << np.uint64(56)
+            if folded:
+                word = (word >> np.uint64(1)) ^ (np.uint64(0) - (word & np.uint64(1)))
+            column[k] = np.int64(word)
         for _ in range(orders[c]):
-            for k in range(first + 1, first + count):
-                words[c, k] += words[c, k - 1]
+            total = column[0]
+            for k in range(1, count):
+                total += column[k]
+                column[k] = total
 
 
 class BatchLayout:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import Words, kernel
 from netboard.base.safeguards import Safeguard
 from netboard.base.tick import LATE_NS, TICK_SECONDS, joined
 from netboard.network.protocol.records import (
@@ -156,11 +157,22 @@ def turns_along(portions: Iterable[NDArray[Any]]) -> NDArray[Any]:
     kept: list[NDArray[Any]] = []
     for rows in portions:
         # The first and last row of each phase suffice to describe an attempt and the levelling before it.
-        keys = np.stack([rows[name] for name in ("phase", "trial", "attempt")])
-        turns = np.any(np.diff(keys) != 0, axis=0)
-        ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
-        kept.append(rows[ends])
+        kept.append(rows[_ends(rows["phase"], rows["trial"], rows["attempt"])])
     return joined(kept)
+
+
+@kernel
+def _ends(phase: Words, trial: Words, attempt: Words) -> NDArray[np.int64]:
+    """Return the first and the last place of each run of equal rows."""
+    count, last = 0, len(phase) - 1
+    places = np.empty(len(phase), np.int64)
+    for n in range(len(phase)):
+        begins = n == 0 or phase[n] != phase[n - 1] or trial[n] != trial[n - 1] or attempt[n] != attempt[n - 1]
+        ends = n == last or phase[n] != phase[n + 1] or trial[n] != trial[n + 1] or attempt[n] != attempt[n + 1]
+        if begins or ends:
+            places[count] = n
+            count += 1
+    return places[:count].copy()
 
 
 def with_emergency_stops(attempts: Sequence[Attempt], events: Iterable[EventRecord]) -> tuple[Attempt, ...]:

@@ -49,13 +49,15 @@ class Judge:
 
     def take(self, rows: NDArray[Any]) -> None:
         """Take the next ticks."""
-        for first in range(0, rows.size, _PORTION):
-            count = min(_PORTION, rows.size - first)
+        first = 0
+        while first < rows.size:
+            count = min(_PORTION if self._frames else rows.size, rows.size - first)
             self.verdicts += self._referee.watch(rows, first, count)
             newest = rows["tick"][first + count - 1]
             while self._frames and self._frames[0].tick <= newest:
                 frame = self._frames.popleft()
                 self._referee.paint(frame.station, frame.tick, frame.painted_ns)
+            first += count
 
 
 def losses_among(verdicts: Iterable[Verdict], config: Config, metadata: Mapping[str, str]) -> Losses:
