@@ -240,7 +240,7 @@ def test_posterior_gives_each_virtual_study_another_draw(monkeypatch: pytest.Mon
 def test_speed_is_measured_beside_the_stage_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed, "QUICK_TRIALS", 1)
     run("rehearsals", speed.study, Options(tmp_path / "found", tmp_path / "found.json", quick=True))
-    (part,) = json.loads((tmp_path / "found.json").read_text())["parts"]
+    part, _ = json.loads((tmp_path / "found.json").read_text())["parts"]
     alone, uninformed, one, batch = (dict(zip(part["columns"], row, strict=True)) for row in part["rows"])
     assert alone["/ stage alone"] == 1.0
     assert alone["ticks"] < min(uninformed["ticks"], one["ticks"]) <= one["ticks"] < batch["ticks"]
