@@ -8,6 +8,8 @@ from time import process_time
 from typing import Any
 
 from netboard.analysis.extraction import recordings as extraction
+from netboard.analysis.extraction.controls import controls
+from netboard.analysis.extraction.details import movements
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.trials import BlockData
 from netboard.benchmarks.harness.results import ResultPart
@@ -23,8 +25,8 @@ STEPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "attempts, events": (BlockData.of.__func__,),  # type: ignore[attr-defined]
     "filter": (vars(BlockData)["whole"].func, vars(BlockData)["forces"].func),
     "measures of attempts (with the filter of forces)": (extraction.attempt_row,),
-    "movements of the board": (extraction.movements,),
-    "controls": (extraction.controls,),
+    "movements of the board": (movements,),
+    "controls": (controls,),
 }
 """The functions of each step; a step may contain another one where its name says so."""
 

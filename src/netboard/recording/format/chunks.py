@@ -173,5 +173,5 @@ def _find_messages(data: Bytes, places: NDArray[np.int64]) -> int:
             places[count, 0] = np.int64(data[body]) | np.int64(data[body + 1]) << 8
             places[count, 1], places[count, 2] = start, end
             count += 1
-        position = end
+        position = int(end)
     return count
