@@ -19,6 +19,7 @@ from netboard.analysis.measures.signals import (
     runs,
     ticks_of,
 )
+from netboard.analysis.measures.zero_phase import zero_phase
 
 RATE = 1000.0
 FAST, SLOW = LowPass(20.0), LowPass(5.0)
@@ -97,6 +98,7 @@ def test_padding_equals_that_of_scipy(padding: str, length: int) -> None:
     np.testing.assert_array_equal(LowPass(20.0, padding=padding, pad=0.2)(ramp, RATE), expected)
 
 
+@pytest.mark.evidence("independent", zero_phase, by="scipy")
 @pytest.mark.parametrize("padding", ["odd", "even", "constant", "none"])
 def test_signals_filtered_together_equal_each_alone_and_scipy(padding: str) -> None:
     """Equal to the bit, piece by piece, whatever lies on the other lanes: gaps, breaks, huge and tiny values."""
@@ -154,20 +156,20 @@ def test_invalid_filter_parameters_are_refused() -> None:
         LowPass(48.0, cutoff_of="both_passes", order=2)(TIMES, 96.0)
 
 
-@pytest.mark.evidence("properties", LowPass, of=("unit", "constant"))
+@pytest.mark.evidence("properties", LowPass, zero_phase, of=("unit", "constant"))
 @given(signals, st.floats(-10, 10), st.floats(0.01, 100))
 def test_filter_is_linear_and_passes_constants(x: np.ndarray, constant: float, factor: float) -> None:
     np.testing.assert_allclose(FAST(factor * x + constant, RATE), factor * FAST(x, RATE) + constant, atol=1e-7 * factor)
 
 
-@pytest.mark.evidence("properties", LowPass, of="time")
+@pytest.mark.evidence("properties", LowPass, zero_phase, of="time")
 @given(signals)
 def test_filter_is_invariant_to_time_reversal_far_from_the_ends(x: np.ndarray) -> None:
     padded = np.pad(x, 3000)
     np.testing.assert_allclose(FAST(padded[::-1], RATE)[::-1], FAST(padded, RATE), atol=1e-9)
 
 
-@pytest.mark.evidence("disturbance", LowPass, derivative, of="holes")
+@pytest.mark.evidence("disturbance", LowPass, zero_phase, derivative, of="holes")
 @given(signals, st.data())
 def test_segments_between_breaks_or_holes_are_processed_independently(x: np.ndarray, data: st.DataObject) -> None:
     at = data.draw(st.integers(1, x.size - 1))
