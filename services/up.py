@@ -179,6 +179,6 @@ def blocks_of_session(config: "Config", wanted: "StudySession | None") -> list["
 
 def free_address(network: "Network") -> AbstractContextManager[None]:
     """Hold the server's address; raise an error if another server has it: all processes would join its session."""
-    from netboard.network.transport import channels, sockets
+    from netboard.network.transport import addresses, channels
 
-    return sockets.free_address(channels.addresses(network).listen(channels.MOTION))
+    return addresses.free_address(channels.addresses(network).listen(channels.MOTION))

@@ -12,7 +12,7 @@ import pytest
 
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
-from netboard.network.transport import channels, names, sockets
+from netboard.network.transport import addresses, channels, names, sockets
 from netboard.network.transport.ports import free_port, try_to_bind
 
 pytestmark = pytest.mark.integration
@@ -38,7 +38,7 @@ class NameServer:
 def name_server(monkeypatch: pytest.MonkeyPatch) -> NameServer:
     made = NameServer()
     monkeypatch.setattr(names, "addresses_of", made)
-    monkeypatch.setattr(sockets, "addresses_of", made)
+    monkeypatch.setattr(addresses, "addresses_of", made)
     monkeypatch.setattr(names, "RETRY_S", 0.01)
     monkeypatch.setattr(sockets, "RENEW_S", 0.02)
     names.known.cache_clear()

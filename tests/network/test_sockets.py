@@ -25,7 +25,7 @@ from netboard.network.protocol.messages import KINDS
 from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.records import LogAck, LogRequest
 from netboard.network.protocol.views import Frames
-from netboard.network.transport import authenticator, channels, endpoints, fastpath, poller, sockets
+from netboard.network.transport import addresses, authenticator, channels, endpoints, fastpath, poller, sockets
 from netboard.network.transport.ports import free_port, try_to_bind
 
 pytestmark = pytest.mark.integration
@@ -129,10 +129,10 @@ def test_port_in_use_is_reported_clearly(made: Made) -> None:
 @pytest.mark.parametrize("everywhere", ["0.0.0.0", "*"])
 def test_server_on_every_address_is_found_before_another_starts(made: Made, everywhere: str) -> None:
     where = channels.addresses(Network(bind=everywhere, port=free_port())).listen(channels.MOTION)
-    with sockets.free_address(where):
+    with addresses.free_address(where):
         pass
     made.motion_server(where)
-    with pytest.raises(NetboardError, match="another server listens on"), sockets.free_address(where):
+    with pytest.raises(NetboardError, match="another server listens on"), addresses.free_address(where):
         pass
 
 
@@ -145,7 +145,7 @@ def test_server_may_have_an_ipv6_address(made: Made, host: str) -> None:
         pytest.skip("this machine has no IPv6")
     where = channels.addresses(Network(host=host, bind=host, port=port))
     assert where.listen(channels.MOTION).address == f"tcp://[::1]:{port}"
-    with sockets.free_address(where.listen(channels.MOTION)):
+    with addresses.free_address(where.listen(channels.MOTION)):
         pass
     server = made.motion_server(where.listen(channels.MOTION))
     agent = made.motion_agent(where.reach(channels.MOTION), "agent.left@test")
@@ -160,7 +160,7 @@ def test_server_may_have_an_ipv6_address(made: Made, host: str) -> None:
     assert until(lambda: sockets.receive(display)) == b"view"
     with (
         pytest.raises(NetboardError, match="another server listens on"),
-        sockets.free_address(where.listen(channels.MOTION)),
+        addresses.free_address(where.listen(channels.MOTION)),
     ):
         pass
 

@@ -12,11 +12,10 @@ import errno
 import logging
 import os
 import secrets
-import socket as net
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -28,12 +27,11 @@ from zmq import Again, ZMQError
 from netboard.base.errors import NetboardError
 from netboard.base.system.scheduling import scheduling
 from netboard.network.transport import authenticator
+from netboard.network.transport.addresses import host_and_port, is_ipv6, local_address, refuse_taken, url_of
 from netboard.network.transport.authenticator import Authenticator, Credentials, SharedKey, readable
 from netboard.network.transport.channels import CONTROL, LOG, NAMES, PARTNER, VIEW, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
-from netboard.network.transport.local_endpoints import local_endpoints
-from netboard.network.transport.names import Name, addresses_of, is_loopback, is_numeric, known, unresolved
-from netboard.network.transport.ports import reserved, try_to_bind
+from netboard.network.transport.names import Name, is_numeric, known
 
 log = logging.getLogger(__name__)
 
@@ -224,9 +222,9 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
             socket.setsockopt(zmq.CURVE_SERVER, 1)
             socket.setsockopt(zmq.CURVE_SECRETKEY, key.secret.encode())
     try:
-        address = _local_address(endpoint.address)
-        _refuse_taken(address)
-        socket.setsockopt(zmq.IPV6, _is_ipv6(address))
+        address = local_address(endpoint.address)
+        refuse_taken(address)
+        socket.setsockopt(zmq.IPV6, is_ipv6(address))
         socket.bind(address)
     except ZMQError as error:
         socket.close()
@@ -239,75 +237,6 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     return socket
 
 
-def _local_address(address: str) -> str:
-    """Return the address to bind, with a name of this machine resolved: libzmq would not."""
-    host, port = _host_and_port(address)
-    if not host or host == "*" or is_numeric(host) or _is_interface(host):
-        return address
-    try:
-        found = addresses_of(host)[0]
-    except OSError as error:
-        raise NetboardError(unresolved(host, error, "bind")) from error
-    if is_loopback(found) and host != "localhost":
-        raise NetboardError(
-            f"cannot listen on {host!r}: it is {found} here, which no other machine can reach; "
-            "write the address of this machine's network card in [network] bind"
-        )
-    return _url(found, port)
-
-
-def _is_interface(name: str) -> bool:
-    """Tell whether a name is that of a network interface, whose address libzmq finds."""
-    try:
-        return bool(net.if_nametoindex(name))
-    except OSError:
-        return False
-
-
-def _host_and_port(address: str) -> tuple[str, str]:
-    """Return the machine and the port of a TCP address, or two empty texts."""
-    host, _, port = address.removeprefix("tcp://").rpartition(":")
-    return (host.strip("[]"), port) if address.startswith("tcp://") else ("", "")
-
-
-def _url(host: str, port: str) -> str:
-    return f"tcp://[{host}]:{port}" if ":" in host else f"tcp://{host}:{port}"
-
-
-@contextmanager
-def free_address(endpoint: Endpoint) -> Iterator[None]:
-    """Hold an address while its server and other processes are started, which would join another server's session.
-
-    Raises `NetboardError` if another server listens there, or is being started in the same way.
-    """
-    with ExitStack() as held:
-        try:
-            _refuse_taken(endpoint.address)
-            if endpoint.address.startswith("tcp://"):
-                host, _, port = endpoint.address.removeprefix("tcp://").rpartition(":")
-                try_to_bind(host, int(port))
-                held.enter_context(reserved(host, int(port)))
-        except (OSError, ZMQError) as error:
-            if error.errno == errno.EADDRINUSE:
-                raise NetboardError(
-                    f"another server listens on {endpoint.address}, perhaps another user's; "
-                    "end it, or choose another [network] port"
-                ) from error
-            # The server itself reports any other error of the address.
-        yield
-
-
-def _is_ipv6(address: str) -> bool:
-    """Return whether an address is of IPv6."""
-    return address.startswith("tcp://[")
-
-
-def _refuse_taken(address: str) -> None:
-    """Raise an error if somebody listens at an address that libzmq would take over silently."""
-    if local_endpoints.is_taken(address):
-        raise ZMQError(zmq.EADDRINUSE)
-
-
 def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
     """Connect, or raise an error that says why not; a missing server, or one without an address yet, is no error."""
     if isinstance(endpoint.security, Credentials | SharedKey):
@@ -316,14 +245,14 @@ def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
         socket.setsockopt(zmq.CURVE_SERVERKEY, server.encode())
         socket.setsockopt(zmq.CURVE_PUBLICKEY, key.public.encode())
         socket.setsockopt(zmq.CURVE_SECRETKEY, key.secret.encode())
-    host, port = _host_and_port(endpoint.address)
+    host, port = host_and_port(endpoint.address)
     try:
         if host and not is_numeric(host):
             _targets[socket] = target = Target(known(host), port)
             target.name.wait()
             _connect_next(socket, target)
         else:
-            socket.setsockopt(zmq.IPV6, _is_ipv6(endpoint.address))
+            socket.setsockopt(zmq.IPV6, is_ipv6(endpoint.address))
             socket.connect(endpoint.address)
     except ZMQError as error:
         socket.close()
@@ -337,9 +266,9 @@ def _connect_next(socket: Socket, target: Target) -> None:
         socket.disconnect(target.address)
         target.address = ""
     if addresses := target.name.addresses:
-        address = _url(addresses[target.turn % len(addresses)], target.port)
+        address = url_of(addresses[target.turn % len(addresses)], target.port)
         target.turn += 1
-        socket.setsockopt(zmq.IPV6, _is_ipv6(address))
+        socket.setsockopt(zmq.IPV6, is_ipv6(address))
         socket.connect(address)
         target.address = address
 
