@@ -22,6 +22,13 @@ CLAIM = 1e-9
 SHARE, KINK_STEP = 0.05, 1e-6
 """Steps of the reference: times the fastest rate, and at most where the equations have kinks [1, s]."""
 
+TOUCHING = {
+    "paper": Physics(),
+    "lagrangian": Physics(model="lagrangian"),
+    "lagrangian, friction": Physics(model="lagrangian", ball_inertia=0.4, ball_height=0.02, rolling_resistance=0.01),
+}
+"""Scenes in which a ball just reaches its stop, or just misses it."""
+
 REST = (0.0, 0.0, 0.0, 0.0, 0.02, 0.2)
 
 
@@ -130,21 +137,22 @@ def touches(part: ResultPart) -> Iterator[tuple[str, str]]:
     """Run balls that just reach their stop, or just miss it; yield what is wrong with each."""
     tilted = Hands(np.arange(401) / 1000, np.tile([-0.005, 0.005], (401, 1)), np.zeros((401, 2)))
     start = (0.0, 0.0, 0.0, 0.0, 0.0, 0.05)
-    peak = _peak(tilted, start)
-    for depth in (1e-3, 1e-6, 1e-9, 1e-10, -1e-10, -1e-9, -1e-6):
-        physics = Physics(ball_stop=peak * (1.0 - depth), restitution=0.5)
+    peaks = {title: _peak(tilted, scene, start) for title, scene in TOUCHING.items()}
+    for (title, scene), depth in product(TOUCHING.items(), (1e-3, 1e-6, 1e-9, 1e-10, -1e-10, -1e-9, -1e-6)):
+        physics = replace(scene, ball_stop=peaks[title] * (1.0 - depth), restitution=0.5)
         motion = simulate(tilted, physics, start)
         inside = bool(np.all(motion.states[:, 4] <= physics.ball_stop * (1.0 + 1e-9)))
-        free = simulate(tilted, Physics(), start)
+        free = simulate(tilted, scene, start)
         same = bool(np.array_equal(motion.states, free.states))
-        name = f"a ball's peak is {depth:.0e} of the stop beyond it" if depth > 0 else f"and {-depth:.0e} before it"
+        side = "beyond" if depth > 0 else "before"
+        name = f"{title}: a ball's peak is {abs(depth):.0e} of its stop {side} it"
         part.add(name, motion.count, motion.longest * 1e3, motion.longest * motion.steps.fastest, float(not inside))
         yield name, "" if inside and same == (depth < 0) else f"inside the stop: {inside}, undisturbed: {same}"
 
 
-def _peak(hands: Hands, start: tuple[float, ...]) -> float:
+def _peak(hands: Hands, scene: Physics, start: tuple[float, ...]) -> float:
     """Return how far a ball rolls uphill, by a parabola through the row nearest to the peak."""
     dt = 1e-5
-    p, vp = simulate(hands, Physics(), start, dt=dt).states[:, 4:6].T
+    p, vp = simulate(hands, scene, start, dt=dt).states[:, 4:6].T
     i = 1 + int(np.abs(vp[1:-1]).argmin())
     return float(p[i] - vp[i] ** 2 / ((vp[i + 1] - vp[i - 1]) / dt))
