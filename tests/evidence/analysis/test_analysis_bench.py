@@ -13,6 +13,7 @@ from evidence.__main__ import app
 from evidence.analysis import costs, speed_bench
 from evidence.analysis.costs import TablesCost, Time
 from evidence.analysis.speed_bench import SHARES, Row, _row, _scaling, line
+from evidence.analysis.step_costs import STEPS
 from rehearsed_study import small_study
 
 pytest.importorskip("pyarrow")
@@ -72,7 +73,9 @@ def test_benchmark_writes_every_table(tmp_path: Path, monkeypatch: pytest.Monkey
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     parts = {part["name"]: part for part in json.loads(Path("analysis.json").read_text())["parts"]}
-    assert set(parts) == {"costs", "scaling", "memory", "whole", "again"}
+    assert set(parts) == {"steps", "costs", "scaling", "memory", "whole", "again"}
+    assert [row[0] for row in parts["steps"]["rows"]] == [*STEPS, "whole recording"]
+    assert all(row[1] > 0.0 for row in parts["steps"]["rows"] if row[0] != "controls")  # some blocks have none
     assert [row[0] for row in parts["again"]["rows"]] == ["first", "second"]
     rows = parts["costs"]["rows"]
     assert [row[0] for row in rows] == [2, 4]
