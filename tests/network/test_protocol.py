@@ -22,6 +22,7 @@ from netboard.network.transport.channels import CHANNELS
 
 TEXT = PROTOCOL.read_text(encoding="utf-8")
 TABLES = documented_fields(TEXT)
+JAVASCRIPT = Path(__file__).parents[1] / "integration" / "foreign" / "wire.mjs"
 GOLDEN = sorted(FRAMES.glob("*.bin"))
 
 
@@ -143,3 +144,27 @@ def test_example_frames_in_the_text_decode_as_shown() -> None:
     assert shown
     for digits, message in shown:
         assert repr(decode(bytes.fromhex(digits))) == message
+
+
+def _short(name: str) -> str:
+    """Name of a type as the JavaScript clients write it."""
+    if name.endswith(" or nil"):
+        return f"{_short(name.removesuffix(' or nil'))}?"
+    if name.startswith("array of "):
+        return f"{_short(name.removeprefix('array of '))}*"
+    if name.startswith("["):
+        return f"({','.join(map(_short, name[1:-1].split(', ')))})"
+    return name.partition(" ")[0]  # of a map, too
+
+
+def test_javascript_clients_speak_this_protocol() -> None:
+    text = JAVASCRIPT.read_text(encoding="utf-8")
+    version, table = re.search(r"PROTOCOL_VERSION = (\d+)n", text), re.search(r"TABLES = `(.*?)`", text, re.DOTALL)
+    assert version is not None
+    assert table is not None
+    assert int(version[1]) == PROTOCOL_VERSION
+    entries = [entry.split() for entry in re.split(r"\n(?= *\d)", table[1].strip("\n"))]
+    found = {int(kind): [name, *fields] for kind, name, *fields in entries}
+    assert found == {
+        kind: [name, *(f"{field}:{_short(of)}" for field, of in fields)] for kind, (name, fields) in TABLES.items()
+    }

@@ -5,7 +5,7 @@
 
 import { decode as unpack, encode as pack } from "@msgpack/msgpack";
 
-export const PROTOCOL_VERSION = 7n;
+export const PROTOCOL_VERSION = 9n;
 
 const TABLES = `
   1 Hello role:str side:str protocol:int name:str version:str details:map
@@ -25,6 +25,7 @@ const TABLES = `
          trial:int trials:int failures:int completion:float? best:float? notice:str seq:int share:float block:int
          blocks:int rest:float?
  21 Frames station:str shown:(int,int,int)* dropped:int
+ 22 QuestionnaireAnswers station:str block:int given:map seconds:float complete:bool
  30 LogRequest first:int
  31 LogBatch first:int lost:int records:bin*
  32 LogAck durable:int free_bytes:int file:str file_bytes:int
@@ -34,6 +35,10 @@ const TABLES = `
  36 ClockRecord seq:int peer:str t0_ns:int t1_ns:int t2_ns:int t3_ns:int offset_ns:int bound_ns:int drift_ppm:float
  37 FrameRecord seq:int station:str tick:int received_ns:int painted_ns:int dropped:int
  38 BackfillRecord seq:int side:str offset_ns:int rows:bin
+ 40 Trigger number:int tick:int tick_ns:int event:str code:int
+ 41 PulseReport number:int received_ns:int began_ns:int ended_ns:int edge_ns:int waited_ns:int fault:str
+ 42 InputPulse code:int time_ns:int
+ 43 BoxState ready:bool box:str simulated:bool reason:str
  50 Command name:str argument:str number:int
  51 StatusRequest
  52 Status session:str tick:int phase:str trial:int trials:int successes:int failures:int completions:float*
@@ -41,7 +46,8 @@ const TABLES = `
            links:(str,str,str,float,float,float,float,float,int)* loops:(str,float,float)*
            name:str dyad:str study:str pilot:bool consent:bool opened:bool armed:bool commander:str block:int blocks:int
            label:str condition:str rest:float pending:str outcomes:int recordings:(str,float,int,int)*
-           stations:(str,float,int,float,int,int)* refused:(str,str,int)*
+           stations:(str,float,int,float,int,int)* refused:(str,str,int)* lost:int* repeats:int*
+           devices:(str,str,str,str,str)* displays:(str,str)* stand_ins:(str,bool)* ahead:str*
  53 Reply number:int accepted:bool reason:str
  54 OutcomesRequest first:int
  55 Outcomes first:int attempts:(int,int,int,str,float,str,int)*
@@ -50,6 +56,8 @@ const TABLES = `
  60 Move side:str delay:float duration:float displacement:float
  61 Pointer side:str z:float?
  62 Felt side:str force:float
+ 70 StationRequest action:str process:str
+ 71 StationReport side:str version:str machine:map processes:(str,str,int?,int,float,int)* logs:map refused:str
 `;
 
 const MESSAGES = TABLES.trim().split(/\n(?= *\d)/).map((entry) => {
