@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import stepped_session
 from stepped_session import OPERATOR, STUDY, SteppedSession
 
 from netboard.base.config import Config, parse
@@ -47,11 +46,8 @@ def run_with_samples(session: SteppedSession, count: int, left_z: float = 0.0, f
         session.session._tick(0)
 
 
-def test_still_hand_is_at_height_0_whatever_device_is_connected(
-    tmp_path: Path, context: sockets.Context, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(stepped_session, "STUDY", STUDY + 'block.left = "still"\n')
-    session = SteppedSession(tmp_path, context)
+def test_still_hand_is_at_height_0_whatever_device_is_connected(tmp_path: Path, context: sockets.Context) -> None:
+    session = SteppedSession(tmp_path, context, study=STUDY + 'block.left = "still"\n')
     run_with_samples(session, 20, left_z=0.02)
     row = session.state.rows[session.state.number - 1].copy()
     session.close()
@@ -68,11 +64,9 @@ def test_softened_force_stays_softened_after_a_pause() -> None:
     assert supervisor.gains[0] <= softened + 0.02
 
 
-def test_latency_of_a_device_that_is_not_in_use_pauses_no_trial(
-    tmp_path: Path, context: sockets.Context, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(stepped_session, "STUDY", STUDY + 'block.left = "still"\n')
-    session = SteppedSession(tmp_path, context, 'network.delay_action="disarm"')
+def test_latency_of_a_device_that_is_not_in_use_pauses_no_trial(tmp_path: Path, context: sockets.Context) -> None:
+    study = STUDY + 'block.left = "still"\n'
+    session = SteppedSession(tmp_path, context, 'network.delay_action="disarm"', study=study)
     session.state.ports.motion._motion.agents[0][samples.LOOP] = 9_000_000  # as its agent goes on reporting
     session.state.ports.motion._motion.agents[1][samples.LOOP] = 1_000_000
     session.start()
@@ -110,12 +104,9 @@ def test_repeat_in_a_pause_does_not_prevent_the_automatic_resume(automatic: Step
     assert automatic.phase != Phase.PAUSED
 
 
-def test_no_backfill_is_requested_without_an_interruption(
-    tmp_path: Path, context: sockets.Context, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_backfill_is_requested_without_an_interruption(tmp_path: Path, context: sockets.Context) -> None:
     study = STUDY.replace("3 dyadic", "solo, dyadic") + '[kinds.solo]\nblock.left = "still"\n'
-    monkeypatch.setattr(stepped_session, "STUDY", study)
-    session = SteppedSession(tmp_path, context)
+    session = SteppedSession(tmp_path, context, study=study)
     run_with_samples(session, 200, first=100_000)
     session.ask("next")
     run_with_samples(session, 200, first=100_000)

@@ -129,7 +129,9 @@ def test_every_column_has_a_description_type_and_unit(default_output: Path) -> N
             assert rows[0] == read.schema.names
             assert len(rows) == read.num_rows + 1
     assert not (tables / "paths.csv").exists()
-    written_as_csv = {"blocks", "trials", "movements", "controls", "people", "exclusions", "left_out", "results"}
+    written_as_csv = {
+        *("blocks", "trials", "movements", "controls", "people", "answers", "exclusions", "left_out", "results")
+    }
     assert set(described) == written_as_csv | {"paths"}
 
 
