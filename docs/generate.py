@@ -318,7 +318,7 @@ RECOVERY = ("damage", "kills")
 RECORDING = ("size", "columns", "headroom", "writing", "stalls", "reading")
 """Those of `netboard bench recording`."""
 
-ANALYSIS = ("costs", "scaling", "memory", "whole")
+ANALYSIS = ("costs", "scaling", "memory", "whole", "again")
 """Those of `make evidence ARGS=analysis`."""
 
 VELOCITY = ("estimators", "delays")
@@ -431,6 +431,9 @@ PARTICIPANTS_MODEL = ("others", "rest")
 PARTICIPANTS_FIT = ("posterior", "posterior-models", "posterior-differences")
 """Those of `make evidence ARGS=participants`, by page."""
 
+STARTUP = ("commands", "session", "demo")
+"""Those of `netboard bench startup`."""
+
 PARTNERS = ("performance", "coordination", "haptics")
 """Those of `make evidence ARGS=partners`."""
 
@@ -487,6 +490,9 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     },
     "rehearsals machine": ("how-to/rehearse.md", study_machine("rehearsals")),
     "rehearsals speed": ("how-to/rehearse.md", study_part("rehearsals", "speed")),
+    "rehearsals cohort": ("how-to/rehearse.md", study_part("rehearsals", "cohort")),
+    "startup machine": ("explanation/startup.md", study_machine("startup")),
+    **{f"startup {name}": ("explanation/startup.md", study_part("startup", name)) for name in STARTUP},
     **{f"fit {name}": ("explanation/participants-fit.md", study_part("fit", name)) for name in FIT},
     **{
         f"information {name}": ("explanation/participants-information.md", study_part("information", name))
