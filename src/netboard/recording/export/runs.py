@@ -8,6 +8,7 @@ has it. Runs are numbered in order of time, jointly for both persons, so equal r
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Literal
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.device_kind import held_by
 from netboard.base.errors import RecordingError
+from netboard.base.process.workers import cores
 from netboard.recording.files.copies import find_repeats
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.claims import whole_number
@@ -58,11 +60,12 @@ class Run:
 
 
 def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
-    """Return the runs of recordings.
+    """Return the runs of recordings, which are read in threads: decompression leaves them to each other.
 
     Raises `RecordingError` if a recording is unreadable, empty or repeated, or if two names yield the same label.
     """
-    return numbered([unnumbered_run(path) for path in recordings])
+    with ThreadPoolExecutor(cores()) as pool:
+        return numbered(list(pool.map(unnumbered_run, recordings)))
 
 
 def require_people(runs: Sequence[Run]) -> None:
