@@ -17,7 +17,7 @@ Keys = dict[str, Any]
 CASES: dict[str, tuple[str, Keys]] = {
     "full force": ("full", {}),
     "force of the other hand only": ("partner_only", {}),
-    "force of the own hand only": ("own_only", {}),
+    "force by the height of each hand itself only": ("own_only", {}),
     "force of ball and board only": ("environment_only", {}),
     "full force, no load compensation": ("full", {"load_skill": 0.0}),
     "full force, friction not compensated at rest": ("full", {"rest_skill": 0.0}),
