@@ -6,15 +6,12 @@
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``, a file of udev rules
 between ``# generated: NAME`` and ``# end of NAME``; the rest is written by hand. The state diagram comes from the table
 of the trial state machine, the configuration reference from the dataclasses, the command reference from the commands,
-so they cannot differ from the program. Tables of measurements come from the results of `make evidence`, `netboard
-bench` and `netboard power`, copied unchanged to docs/data/, and the evidence for the measures from the marks of their
-tests.
+so they cannot differ from the program; the evidence for the measures comes from the marks of their tests. Tables of
+measurements are declared in `docs/study_tables.py`.
 """
 
-import json
 import re
 import sys
-import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from importlib.util import module_from_spec, spec_from_file_location
@@ -24,6 +21,7 @@ from pkgutil import resolve_name
 from typing import Any, get_type_hints
 
 import typer.main
+from study_tables import DOCS, cell, loop_in_short, study_tables
 
 from netboard.base.config import Config
 from netboard.base.device_kind import DeviceKind
@@ -46,8 +44,6 @@ from netboard.recording.integrity.checking import CHECKS
 from netboard.services.cli import app
 from netboard.task.trials import state_machine
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Action, Cause, Phase
-
-DOCS = Path(__file__).resolve().parent
 
 
 def state_diagram() -> str:
@@ -141,7 +137,7 @@ def _sections(command: Any, context: Any) -> Iterator[str]:
     records = [record for parameter in command.params if (record := parameter.get_help_record(context))]
     if records:
         lines += ["", "| option | what it does |", "|---|---|"]
-        lines += [f"| `{_cell(name)}` | {_cell(text)} |" for name, text in records]
+        lines += [f"| `{cell(name)}` | {cell(text)} |" for name, text in records]
     if command.epilog:
         _, *examples = command.epilog.split("\n\n")
         lines += ["", "Examples:", "", "```console", *(f"$ {example.strip()}" for example in examples), "```"]
@@ -163,7 +159,7 @@ def trigger_codes() -> str:
 def trial_columns() -> str:
     """Write the columns of the exported table of trials."""
     lines = ["| column | unit | |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| `{f.name}` | {_unit(f.unit)} | {_cell(f.text)} |" for f in TRIALS.fields)])
+    return "\n".join([*lines, *(f"| `{f.name}` | {_unit(f.unit)} | {cell(f.text)} |" for f in TRIALS.fields)])
 
 
 def import_columns() -> str:
@@ -171,7 +167,7 @@ def import_columns() -> str:
     lines = ["| column | unit | |", "|---|---|---|"]
     for column in COLUMNS.values():
         name = f"**`{column.name}`**, needed" if column.needed else f"`{column.name}`"
-        lines.append(f"| {name} | {_unit(column.unit)} | {_cell(column.text)} |")
+        lines.append(f"| {name} | {_unit(column.unit)} | {cell(column.text)} |")
     return "\n".join(lines)
 
 
@@ -187,142 +183,11 @@ def export_formats() -> str:
 def integrity_checks() -> str:
     """Write the table of the integrity checks."""
     lines = ["| check | what it examines |", "|---|---|"]
-    return "\n".join([*lines, *(f"| **{one.part}** | {_cell(one.about)} |" for one in CHECKS)])
+    return "\n".join([*lines, *(f"| **{one.part}** | {cell(one.about)} |" for one in CHECKS)])
 
 
 def _unit(unit: str) -> str:
     return "" if unit == "1" else unit
-
-
-def _cell(text: str) -> str:
-    """Make text safe inside a cell of a Markdown table."""
-    return re.sub(r"\s+", " ", text).replace("|", "\\|")
-
-
-def part_of(study: str, name: str) -> Any:
-    """Return one table of a study's results."""
-    parts = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["parts"]
-    return next(part for part in parts if part["name"] == name)
-
-
-def study_part(study: str, name: str, of: str = "") -> Callable[[], str]:
-    """Return what writes one table of a study, and what follows from it. ``of``: begins its title."""
-
-    def write() -> str:
-        part = part_of(study, name)
-        lines = [f"*{of}{part['title']}*", "", "| " + " | ".join(map(_cell, part["columns"])) + " |"]
-        lines += ["|" + "---|" * len(part["columns"])]
-        lines += ["| " + " | ".join(map(_figure, row)) + " |" for row in part["rows"]]
-        lines += [""] if part["verdicts"] else []
-        lines += [f"- {_verdict(verdict)}" for verdict in part["verdicts"]]
-        return "\n".join(lines)
-
-    return write
-
-
-def _verdict(verdict: dict[str, Any]) -> str:
-    """Write a claim, whether it holds, and the figures."""
-    return f"{'Holds' if verdict['holds'] else '**Fails**'}: {_cell(verdict['claim'])}: {_cell(verdict['found'])}"
-
-
-def _figure(value: Any) -> str:
-    """Write a value of a table: numbers to three digits, as on the screen."""
-    return f"{value:.3g}" if isinstance(value, float) else _cell(str(value))
-
-
-def study_machine(study: str) -> Callable[[], str]:
-    """Return what writes the machine that a study ran on."""
-
-    def write() -> str:
-        machine = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["machine"]
-        libraries = ", ".join(f"{name} {number}" for name, number in machine["libraries"].items())
-        where = f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}"
-        return f"{where}, Python {machine['python']}; {libraries}."
-
-    return write
-
-
-PHYSICS = (
-    *("expect", "left-out", "growth", "holds", "frontier"),
-    *("ratios-physics", "mujoco", "tick"),
-)
-"""Tables of `make evidence ARGS=physics` that are in the page on accuracy."""
-
-TAYLOR = ("ratios-dense", "ratios-physics", "spacing", "sampled", "trials", "lanes", "stress")
-"""Those of `make evidence ARGS=taylor`, in the same page."""
-
-STABILITY = (
-    *("tick-limits", "map-coupling-summary", "map-inertia-summary", "stiff-forces", "large-tilts"),
-    *("energy-drift", "ball-at-ends", "perfect-rest", "odd-hands", "soak"),
-)
-"""Tables of `make evidence ARGS=stability` that are in the page on that."""
-
-LOOP, DYADS = ("ratios", "latency", "lateness", "costs"), ("scale", "shared", "waiting")
-"""Tables of `netboard bench loop`, and of `make evidence ARGS=dyads`, that are in the page on latency."""
-
-
-TOUCH = ("ratios", "latency", "costs")
-"""Those of `netboard bench loop --device touch`."""
-
-STAND_IN = "A Touch (stand-in): "
-"""Beginning of their titles."""
-
-
-def loop_in_short() -> str:
-    """Write what the loop can do on the machine on which it was measured, as two limits of the README."""
-
-    def column(part: str, name: str, study: str = "loop") -> dict[Any, Any]:
-        table = part_of(study, part)
-        return {row[0]: row[table["columns"].index(name)] for row in table["rows"]}
-
-    def latencies(study: str, name: str) -> list[float]:
-        found = column("ratios", name, study)
-        return [found[f"sample to force / echo, {at} [1]"] for at in ("50 %", "99 %", "99.9 %")]
-
-    touch, simulated = (latencies(study, "median") for study in ("loop-touch", "loop"))
-    ends = [latencies("loop-touch", end) for end in ("least", "largest")]
-    ranges = [f"{a:.2f} to {b:.2f}" for a, b in zip(*ends, strict=True)]
-    server = column("ratios", "median", "loop-touch")["CPU of the server / echo [1]"]
-    held = column("scale", "holds", "dyads")
-    dyads = max(number for number, holds in held.items() if holds)
-    of_core = column("scale", "all [%]", "dyads")[dyads]
-    limits = f"""
-It is not hard real time.** Python on a stock kernel misses some deadlines of the 1 kHz loop; every deadline miss is
-counted and recorded. The sample-to-force latency was compared with a minimal ZeroMQ round trip with messages of the
-same size, with server, agents and logger on one virtual machine of two cores. Each ratio is netboard's latency divided
-by that of the round trip; below 1, netboard is faster. For a Touch the ratio of the medians
-was {touch[0]:.2f} (single rounds: {ranges[0]}), of the 99 % quantiles {touch[1]:.2f} ({ranges[1]}), and of the 99.9 %
-quantiles {touch[2]:.2f} ({ranges[2]}). For the simulated device the ratios were {simulated[0]:.2f}, {simulated[1]:.2f}
-and {simulated[2]:.2f} ([all results](docs/explanation/latency.md)). The Touch was a stand-in for the vendor's library;
-nothing has been measured on a real one, whose servo adds up to 1 ms in each direction. If no sample arrives for 50 ms,
-the server pauses the trial. The operator resumes it, or with `--autostart` the server itself. Measure your own machines
-with `netboard doctor` and `netboard bench loop`.
-
-One core serves {dyads} dyads** ({of_core:.0f} % of the core). With agents and logger on the same machine, the server of
-one dyad uses {server:.1f} times the CPU time of the minimal round trip."""
-    return "\n".join(
-        textwrap.fill(limit.strip(), 127, initial_indent="- **", subsequent_indent="  ")
-        for limit in limits.split("\n\n")
-    )
-
-
-SOAK = ("records", "memory", "minutes", "costs")
-"""Those of `netboard bench soak`."""
-
-FAULTS = ("processes", "links", "peers", "devices", "machines")
-"""Those of `make evidence ARGS=faults`."""
-
-RECOVERY = ("damage", "kills")
-"""Those of `make evidence ARGS=recovery`."""
-
-RECORDING = ("size", "columns", "headroom", "writing", "stalls", "reading")
-"""Those of `netboard bench recording`."""
-
-ANALYSIS = ("costs", "scaling", "memory", "whole", "again")
-"""Those of `make evidence ARGS=analysis`."""
-
-VELOCITY = ("estimators", "delays")
-"""Those of `make evidence ARGS=velocity`."""
 
 
 def device_models() -> str:
@@ -334,7 +199,7 @@ def device_models() -> str:
     for name, model in MODELS.items():
         marks = ["(e)" if key.name in model.estimates else "" for key in keys]
         numbers = [f"{getattr(model, key.name):g} {mark}".strip() for key, mark in zip(keys, marks, strict=True)]
-        lines.append(f"| `{name}` | {model.name} | " + " | ".join(numbers) + f" | {_cell(model.source)} |")
+        lines.append(f"| `{name}` | {model.name} | " + " | ".join(numbers) + f" | {cell(model.source)} |")
     return "\n".join(lines)
 
 
@@ -345,7 +210,7 @@ def partner_models() -> str:
     for name, it in PARTNER_MODELS.items():
         shown = f"`{name}` (default)" if name == Participant().partner_model else f"`{name}`"
         lines.append(
-            f"| {shown} | {it.tells} | {it.reflex_gain:g} | {it.impedance_gain:g} | {it.does} | {_cell(it.source)} |"
+            f"| {shown} | {it.tells} | {it.reflex_gain:g} | {it.impedance_gain:g} | {it.does} | {cell(it.source)} |"
         )
     return "\n".join(lines)
 
@@ -394,12 +259,8 @@ def friction_laws() -> str:
     physics = next(table for table in tables(Config) if table.name == "physics")
     units = {key.name: key.unit for key in physics.keys}
     for key, law in FRICTION.items():
-        lines.append(f"| {law.name} | `{key}` | {units[key]} | `{law.formula}` | {_cell(law.source)} |")
+        lines.append(f"| {law.name} | `{key}` | {units[key]} | `{law.formula}` | {cell(law.source)} |")
     return "\n".join(lines)
-
-
-COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
-"""Those of `make evidence ARGS=coupling`."""
 
 
 def analysis_evidence() -> str:
@@ -414,32 +275,6 @@ def analysis_evidence() -> str:
     return str(module.table())
 
 
-SENSITIVITY = ("about", "readings", "pairs", "concerned", "paths", "statements", "disturbances", "forms")
-"""Those of `make evidence ARGS=sensitivity`; its headlines are in the page on the analysis."""
-
-CALIBRATION = ("about", "false-positives", "power", "interaction", "variations", "differences", "effect-sizes")
-"""Those of `make evidence ARGS=calibration`."""
-
-POWER = ("about", "power", "false-positives", "precision")
-"""Those of `netboard power`."""
-
-INFORMATION = ("scenes", "models", "filters", "hands", "senses", "skills", "acquaintance")
-"""Those of `make evidence ARGS=information`."""
-
-PARTICIPANTS = ("predictions", "order", "models", "ablations", "differences", "slowing")
-PARTICIPANTS_MODEL = ("others", "rest")
-PARTICIPANTS_FIT = ("posterior", "posterior-models", "posterior-differences")
-"""Those of `make evidence ARGS=participants`, by page."""
-
-STARTUP = ("commands", "session", "demo")
-"""Those of `netboard bench startup`."""
-
-PARTNERS = ("performance", "coordination", "haptics")
-"""Those of `make evidence ARGS=partners`."""
-
-FIT = ("summaries", "parameters", "recovery", "fit")
-"""Those of `netboard participants fit`."""
-
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
     "edge table": ("reference/trial-state-machine.md", edge_table),
@@ -447,13 +282,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "device table": ("how-to/devices.md", device_table),
     "udev rules": ("../deploy/udev/70-netboard.rules", udev.rules),
     "configuration": ("reference/configuration.md", configuration),
-    "robots completion": ("explanation/robots.md", study_part("robots", "completion")),
-    "robots stability": ("explanation/robots.md", study_part("robots", "stability")),
-    "robots decisions machine": ("explanation/robots.md", study_machine("decisions")),
-    "robots decisions": ("explanation/robots.md", study_part("decisions", "decisions")),
     "robot parameters": ("explanation/robots.md", robot_parameters),
-    **{f"partners {name}": ("explanation/partners.md", study_part("partners", name)) for name in PARTNERS},
-    "partner-pairs matrix": ("explanation/partners.md", study_part("partner-pairs", "matrix")),
     "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),
@@ -461,78 +290,13 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "columns of imports": ("how-to/import.md", import_columns),
     "export formats": ("how-to/export.md", export_formats),
     "integrity checks": ("how-to/check.md", integrity_checks),
-    "machine": ("explanation/accuracy.md", study_machine("physics")),
-    **{name: ("explanation/accuracy.md", study_part("physics", name)) for name in PHYSICS},
-    "taylor machine": ("explanation/accuracy.md", study_machine("taylor")),
-    **{f"taylor-{name}": ("explanation/accuracy.md", study_part("taylor", name)) for name in TAYLOR},
-    "stability machine": ("explanation/stability.md", study_machine("stability")),
-    **{name: ("explanation/stability.md", study_part("stability", name)) for name in STABILITY},
-    "loop machine": ("explanation/latency.md", study_machine("loop")),
-    **{f"touch-{name}": ("explanation/latency.md", study_part("loop-touch", name, STAND_IN)) for name in TOUCH},
-    **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
-    "dyads machine": ("explanation/latency.md", study_machine("dyads")),
-    **{f"loop-{name}": ("explanation/latency.md", study_part("dyads", name)) for name in DYADS},
     "loop in short": ("../README.md", loop_in_short),
-    "soak machine": ("explanation/latency.md", study_machine("soak")),
-    **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
     "participant parameters": ("explanation/participants-model.md", participant_parameters),
     "partner models": ("explanation/participants-model.md", partner_models),
     "device models": ("explanation/participants-model.md", device_models),
-    "participants machine": ("explanation/participants.md", study_machine("participants")),
-    **{
-        f"participants {name}": (f"explanation/{page}.md", study_part("participants", name))
-        for page, names in {
-            "participants": PARTICIPANTS,
-            "participants-model": PARTICIPANTS_MODEL,
-            "participants-fit": PARTICIPANTS_FIT,
-        }.items()
-        for name in names
-    },
-    "rehearsals machine": ("how-to/rehearse.md", study_machine("rehearsals")),
-    "rehearsals speed": ("how-to/rehearse.md", study_part("rehearsals", "speed")),
-    "rehearsals cohort": ("how-to/rehearse.md", study_part("rehearsals", "cohort")),
-    "startup machine": ("explanation/startup.md", study_machine("startup")),
-    **{f"startup {name}": ("explanation/startup.md", study_part("startup", name)) for name in STARTUP},
-    **{f"fit {name}": ("explanation/participants-fit.md", study_part("fit", name)) for name in FIT},
-    **{
-        f"information {name}": ("explanation/participants-information.md", study_part("information", name))
-        for name in INFORMATION
-    },
     "trigger codes": ("how-to/triggers.md", trigger_codes),
-    "triggers machine": ("how-to/triggers.md", study_machine("triggers")),
-    "triggers-latency": ("how-to/triggers.md", study_part("triggers", "latency")),
-    "velocity machine": ("explanation/velocity.md", study_machine("velocity")),
-    **{name: ("explanation/velocity.md", study_part("velocity", name)) for name in VELOCITY},
-    "coupling machine": ("explanation/coupling.md", study_machine("coupling")),
-    **{f"coupling-{name}": ("explanation/coupling.md", study_part("coupling", name)) for name in COUPLING},
-    "sensitivity machine": ("explanation/analysis-sensitivity.md", study_machine("sensitivity")),
-    **{
-        f"sensitivity-{name}": ("explanation/analysis-sensitivity.md", study_part("sensitivity", name))
-        for name in SENSITIVITY
-    },
-    "calibration machine": ("explanation/analysis-calibration.md", study_machine("calibration")),
-    **{
-        f"calibration-{name}": ("explanation/analysis-calibration.md", study_part("calibration", name))
-        for name in CALIBRATION
-    },
-    **{f"power-{name}": ("how-to/plan-a-study-size.md", study_part("power", name)) for name in POWER},
-    "sensitivity-headlines": ("reference/measures.md", study_part("sensitivity", "headlines")),
-    "forces conditions": ("explanation/forces.md", study_part("forces", "conditions")),
-    "faults machine": ("explanation/faults.md", study_machine("faults")),
-    **{name: ("explanation/faults.md", study_part("faults", name)) for name in FAULTS},
-    "attacks machine": ("explanation/faults.md", study_machine("attacks")),
-    "attacks": ("explanation/faults.md", study_part("attacks", "attacks")),
-    "recovery machine": ("explanation/recovery.md", study_machine("recovery")),
-    **{f"recovery-{name}": ("explanation/recovery.md", study_part("recovery", name)) for name in RECOVERY},
-    "recording machine": ("explanation/recording.md", study_machine("recording")),
     "analysis evidence": ("explanation/analysis-evidence.md", analysis_evidence),
-    "controls machine": ("explanation/analysis-controls.md", study_machine("controls")),
-    "controls parts": ("explanation/analysis-controls.md", study_part("controls", "parts")),
-    "truth machine": ("explanation/analysis-evidence.md", study_machine("truth")),
-    "truth": ("explanation/analysis-evidence.md", study_part("truth", "truth")),
-    **{f"recording-{name}": ("explanation/recording.md", study_part("recording", name)) for name in RECORDING},
-    "analysis machine": ("explanation/analysis-speed.md", study_machine("analysis")),
-    **{f"analysis-{name}": ("explanation/analysis-speed.md", study_part("analysis", name)) for name in ANALYSIS},
+    **study_tables(),
 }
 
 
