@@ -30,7 +30,7 @@ from netboard.nodes.server.answers import SessionAnswers
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.block_changes import BlockChanges
 from netboard.nodes.server.blocks import BlockSequence
-from netboard.nodes.server.event_log import change_of
+from netboard.nodes.server.decisions import Decisions
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.operators import CAUSES, PAUSE_AFTER
 from netboard.nodes.server.record_keeping import RecordKeeping
@@ -48,9 +48,8 @@ from netboard.nodes.server.server_runs import (
     WAITS,
 )
 from netboard.nodes.server.state import RING_ROWS, SessionState
-from netboard.stage.curtain import Pause
-from netboard.stage.perturbing import PERTURBATION, begins_perturbation, perturbation_of
-from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
+from netboard.stage.perturbing import begins_perturbation
+from netboard.task.trials.state_machine import Cause, Phase
 
 FEED_TICKS = 18
 """Ticks after which latencies are checked and loggers fed; a multiple of those between two views at their usual rate
@@ -100,6 +99,7 @@ class DyadSession:
         self._requests = OperatorRequests(state, self._blocks)
         self._answers = SessionAnswers(state)
         self.records = RecordKeeping(state)  # knows whether the session is ending, is over, and has everything on disk
+        self._decisions = Decisions(state, self._blocks, self.records)
         self._motion, self._control, self._log = state.ports.motion, state.ports.control, state.ports.log
         self._clock = state.clock
         self._stopping = False
@@ -402,7 +402,7 @@ class DyadSession:
             noted |= begins_perturbation(words.view(TICK)[:, 0], config)
         for k in np.flatnonzero(noted).tolist():
             self._log_ticks(words[logged : k + 1])
-            self._record_tick(first + k)
+            self._decisions.record(first + k)
             logged = k + 1
         self._log_ticks(words[logged:])
         state.number += count
@@ -445,57 +445,6 @@ class DyadSession:
         if about_trial and phase in (Phase.SUCCEEDED, Phase.FAILED):
             return Cause.NONE  # this tick would refuse it
         return self._requests.handle_command(self._control.requests.pop(0))
-
-    def _record_tick(self, number: int) -> None:
-        """Record what began or was decided in a tick."""
-        state = self._state
-        row, config = state.rows[number % RING_ROWS], state.block.config
-        if begins_perturbation(row, config):
-            details = perturbation_of(row, config)
-            state.note(PERTURBATION, details | self._blocks.details.of(int(row["trial"])), number)
-        if row["event"]:
-            self._record_decision(number)
-
-    def _record_decision(self, number: int) -> None:
-        """Record what the stage has decided."""
-        state = self._state
-        row, stage = state.rows[number % RING_ROWS], state.stage[0]
-        cause = Cause(int(row["event"]))
-        details = change_of(row, stage) | self._blocks.details.of(int(row["trial"]))
-        if cause == Cause.FAULT:
-            if row["command"] != row["event"]:  # nobody commanded it: the stage itself found an impossible state
-                state.supervisor.paused_by(STAGE_FAULT)
-            elif state.emergency_stop.halted:
-                state.supervisor.pause = Pause.STOP
-            details["notice"] = state.supervisor.notice
-        state.note(cause.name.lower(), details, number)
-        halted = bool(state.emergency_stop.halted)
-        for name, judged in state.attempts.record_decision(state.rows, number, stage, halted=halted):
-            state.note(name, judged, number)
-        if cause == Cause.START:
-            self.records.start()
-            state.questionnaires = ""
-        elif int(stage["phase"]) == Phase.FINISHED:
-            self._block_over(cause, number)
-        elif int(row["phase"]) == Phase.FINISHED:
-            self._blocks.reopen_block()
-        if int(stage["phase"]) == Phase.PAUSED:
-            state.operators.pause_after = False  # the attempt is over
-
-    def _block_over(self, cause: Cause, number: int) -> None:
-        """Ask for the questionnaires of a block that is over; an operator who has stopped it decides what follows."""
-        state = self._state
-        state.operators.pause_after = False
-        if state.sequence.last:
-            state.allow_arming(False)
-        if cause == Cause.LAST:
-            self._blocks.finish_block(number)
-        elif state.operators.end_after:
-            state.end_requested = True
-        if asked := state.block.config.block.questionnaires:
-            state.questionnaires = asked
-            state.note("questionnaire", {"text": asked})
-        state.forms.ask(state.block.config)
 
     def _poll_latency(self) -> None:
         block = self._state.block
