@@ -277,11 +277,59 @@ def test_backups_of_a_rig_are_all_kept(window) -> None:
     window.rig.load("rig.toml")
     press(window, "Ctrl+2")
     press(window, "Ctrl+S")
+    assert window.rig.problem.text() == ""
+    assert [path.name for path in Path().glob("rig.toml*")] == ["rig.toml"], "nothing was changed"
+    enter(window.rig.form.inputs["left"], "127.0.0.1")
+    press(window, "Ctrl+S")
     assert window.rig.problem.text() == "rig.toml had comments, which stay only in rig.toml.bak"
     written = Path("rig.toml").read_text()
+    enter(window.rig.form.inputs["left"], "")
     press(window, "Ctrl+S")
+    assert window.rig.problem.text() == ""
     assert Path("rig.toml.bak").read_text() == original
     assert Path("rig.toml.bak.2").read_text() == written
+
+
+def enter(field, entry: str) -> None:
+    field.setText(entry)
+    field.setModified(True)
+    field.editingFinished.emit()
+
+
+def test_study_is_backed_up_before_it_is_replaced(window) -> None:
+    from netboard.task.studies import library
+
+    before = library.text_of("pilot")
+    Path("own.toml").write_text(before)
+    window.study.load("own.toml")
+    press(window, "Ctrl+3")
+    press(window, "Ctrl+S")
+    assert not Path("own.toml.bak").exists(), "nothing was changed"
+    for line in ("# one", "# two"):
+        window.study.editor.appendPlainText(line)
+        press(window, "Ctrl+S")
+    assert Path("own.toml").read_text().endswith("# one\n# two")
+    assert Path("own.toml.bak").read_text() == before
+    assert Path("own.toml.bak.2").read_text().endswith("# one")
+
+
+def test_file_that_was_edited_elsewhere_is_not_replaced(window) -> None:
+    from netboard.task.studies import library
+
+    Path("own.toml").write_text(library.text_of("pilot"))
+    window.study.load("own.toml")
+    newer = {"own.toml": library.text_of("pilot") + "# theirs\n", "rig.toml": "# theirs\n"}
+    for name, text in newer.items():
+        Path(name).write_text(text)
+    window.study.editor.appendPlainText("# mine")
+    for key, page in (("Ctrl+2", window.rig), ("Ctrl+3", window.study)):
+        press(window, key)
+        press(window, "Ctrl+S")
+        assert "was changed elsewhere after it was read here; save under another name" in page.problem.text()
+    assert {name: Path(name).read_text() for name in newer} == newer
+    window.study.path.setText("mine.toml")
+    press(window, "Ctrl+S")
+    assert Path("mine.toml").read_text().endswith("# mine")
 
 
 def test_rig_that_cannot_be_read_is_not_overwritten(window) -> None:

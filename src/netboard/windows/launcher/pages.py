@@ -24,7 +24,7 @@ from netboard.task.plans.plan import plan_of
 from netboard.task.studies import library
 from netboard.task.studies.study import Study, parse_study
 from netboard.windows.launcher.control import LauncherMemory, SessionChoice
-from netboard.windows.launcher.saving import EditedFile, back_up, free_backup
+from netboard.windows.launcher.saving import EditedFile
 from netboard.windows.launcher.settings_form import (
     FormField,
     changed_text,
@@ -108,7 +108,7 @@ class RigPage(QWidget):
         try:
             self.text = read_text(Path(path), "no such file yet") if path else ""
             parse(self.text, path or "the defaults")
-            self._file.show(Path(path) if path else None)
+            self._file.show(Path(path) if path else None, self.text)
             self.problem.setText("")
         except ConfigError as error:
             self.text = ""
@@ -118,14 +118,10 @@ class RigPage(QWidget):
     def save(self) -> None:
         """Write the file, and keep the old one as a backup."""
         path = Path(self.path.text().strip() or "rig.toml")
-        lost = ""
+        old = self._file.text
         try:
-            self._file.refuse_others(path)
-            if path.exists():
-                old = read_text(path, "no such file")
-                lost = keeps_all(old, str(path), free_backup(path).name)
-                back_up(path, old)
-            self._file.save(path, self.text)
+            backup = self._file.save(path, self.text)
+            lost = keeps_all(old, str(path), backup) if backup else ""
         except NetboardError as error:
             self.problem.setText(str(error))
             return
@@ -191,15 +187,16 @@ class StudyPage(QWidget):
         self._file.show(None)
         try:
             named = study in library.names()
-            self.editor.setPlainText(library.text_of(study) if named else read_text(Path(study), "no such study"))
+            text = library.text_of(study) if named else read_text(Path(study), "no such study")
+            self.editor.setPlainText(text)
             self.path.setText("study.toml" if named else study)
-            self._file.show(None if named else Path(study))
+            self._file.show(None if named else Path(study), text)
             self._show_form()
         except ConfigError as error:
             self.problem.setText(str(error))
 
     def save(self) -> None:
-        """Write the file, if the study is valid."""
+        """Write the file, if the study is valid, and keep the old one as a backup."""
         path = Path(self.path.text().strip() or "study.toml")
         if self._check() is None:
             return

@@ -5,41 +5,50 @@ from pathlib import Path
 
 from netboard.base.errors import ConfigError, NetboardError, writing
 from netboard.base.files.new import new_file, write_synced
+from netboard.base.files.text import read_text
 
 
 class EditedFile:
-    """The file that a page shows; of all files that exist, saving replaces only this one."""
+    """The file that a page shows; saving replaces only this one, only as it was read, and keeps a backup."""
 
     def __init__(self) -> None:
+        self.text = ""
         self._shown: Path | None = None
 
-    def show(self, path: Path | None) -> None:
+    def show(self, path: Path | None, text: str = "") -> None:
         """Remember whose text the page shows; None for a text that is not of a file, or if it could not be read."""
-        self._shown = path if path is None else path.resolve()
+        self._shown, self.text = path if path is None else path.resolve(), text
 
-    def refuse_others(self, path: Path) -> None:
-        """Refuse a file that exists and is not the one that is shown."""
-        with writing(path, NetboardError):
-            other = path.exists() and path.resolve() != self._shown
-        if other:
-            raise ConfigError(f"{path}: exists already, and is not the file that is shown here; name another file")
-
-    def save(self, path: Path, text: str) -> None:
-        """Write a text; the page then shows this file."""
-        self.refuse_others(path)
+    def save(self, path: Path, text: str) -> str:
+        """Write a text, unless the file has it; the page then shows this file. Return the backup's name, if any."""
+        backup = ""
+        if self._replaces(path):
+            if text == self.text:
+                return ""
+            backup = _back_up(path, self.text)
         with new_file(path, force=True) as part:
             write_synced(part, text)
-        self.show(path)
+        self.show(path, text)
+        return backup
+
+    def _replaces(self, path: Path) -> bool:
+        """Return whether a file exists; refuse one that is not the one that is shown, or was changed elsewhere."""
+        with writing(path, NetboardError):
+            exists, other = path.exists(), path.resolve() != self._shown
+        if exists and other:
+            raise ConfigError(f"{path}: exists already, and is not the file that is shown here; name another file")
+        if exists and read_text(path) != self.text:
+            raise ConfigError(
+                f"{path}: was changed elsewhere after it was read here; save under another name, and compare both"
+            )
+        return exists
 
 
-def free_backup(path: Path) -> Path:
-    """Return the name of the next backup of a file: no earlier backup is replaced."""
+def _back_up(path: Path, text: str) -> str:
+    """Keep the text of a file beside it, and replace no earlier backup; return the name."""
     first = path.with_name(f"{path.name}.bak")
     numbered = (path.with_name(f"{path.name}.bak.{number}") for number in count(2))
-    return first if not first.exists() else next(name for name in numbered if not name.exists())
-
-
-def back_up(path: Path, text: str) -> None:
-    """Keep the text of a file beside it."""
-    with new_file(free_backup(path)) as part:
+    free = first if not first.exists() else next(name for name in numbered if not name.exists())
+    with new_file(free) as part:
         write_synced(part, text)
+    return free.name
