@@ -1,5 +1,6 @@
 """The launcher at work: its processes are scripts, its window is off screen, and keys alone drive it."""
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -165,6 +166,16 @@ def test_each_analysis_has_a_folder_of_its_own(control: LauncherControl) -> None
     assert control.command_line("analysis") == "netboard analyse recordings -o recordings/results_1"
     Path("recordings/results_1").mkdir(parents=True)
     assert control.command_line("analysis") == "netboard analyse recordings -o recordings/results_2"
+
+
+def test_last_report_is_that_of_the_newest_analysis(control: LauncherControl) -> None:
+    assert control.last_report is None
+    for seconds, number in enumerate((1, 2, 9, 10)):
+        report = Path(f"recordings/results_{number}/report.html")
+        report.parent.mkdir(parents=True)
+        report.touch()
+        os.utime(report, (seconds, seconds))
+        assert control.last_report == report
 
 
 def test_each_row_has_the_command_that_does_the_same(control: LauncherControl) -> None:

@@ -157,6 +157,12 @@ class LauncherControl:
         folder = Path(self.config.recording.directory)
         return next(path for number in count(1) if not (path := folder / f"results_{number}").exists())
 
+    @property
+    def last_report(self) -> Path | None:
+        """Report of the newest analysis."""
+        found = Path(self.config.recording.directory).glob("results*/report.html")
+        return max(found, key=lambda path: path.stat().st_mtime, default=None)
+
     # --- processes -----------------------------------------------------------------------------------------------
 
     def start(self) -> None:

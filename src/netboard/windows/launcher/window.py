@@ -7,7 +7,6 @@ has a key.
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, QUrl
 from PySide6.QtGui import QDesktopServices, QKeySequence, QShortcut
@@ -141,11 +140,11 @@ class LauncherWindow(StyledWindow):
 
     def open_report(self) -> None:
         """Open the report of the last analysis in the browser, or say how to make one."""
-        found = sorted(Path(self.control.config.recording.directory).glob("results*/report.html"))
-        if not found:
+        report = self.control.last_report
+        if report is None:
             self.control.say("There is no report yet: select analysis in the table and press Enter.", stays=True)
-        elif not QDesktopServices.openUrl(QUrl.fromLocalFile(str(found[-1].resolve()))):
-            self.control.say(f"No browser opens here; the report is {found[-1].resolve()}", stays=True)
+        elif not QDesktopServices.openUrl(QUrl.fromLocalFile(str(report.resolve()))):
+            self.control.say(f"No browser opens here; the report is {report.resolve()}", stays=True)
 
     def choose(self, choice: SessionChoice) -> None:
         """Take a choice, and remember it."""
