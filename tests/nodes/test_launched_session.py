@@ -72,6 +72,15 @@ def test_agent_that_keeps_failing_is_left_and_the_session_goes_on(launched: Laun
     assert not launched.session.broken
 
 
+def test_broken_process_that_runs_again_is_broken_no_more(launched: Launched) -> None:
+    launched.left.end("left agent", 2)
+    launched.wait(0.1)
+    assert launched.session.broken == {"left agent"}
+    launched.left.start("left agent")  # by another console
+    launched.wait(0.1)
+    assert not launched.session.broken
+
+
 @pytest.mark.parametrize(
     ("name", "code"), [("console", 0), ("left display", 0), ("console", 1), ("console", 2), ("left agent", 2)]
 )

@@ -19,7 +19,9 @@ from netboard.nodes.launching import remote
 from netboard.nodes.launching.machines import LocalMachine
 from netboard.nodes.launching.preparation import missing_steps
 from netboard.nodes.launching.remote import RemoteMachine
+from netboard.nodes.launching.session import LaunchedSession, UnaskedEnd
 from netboard.nodes.launching.station import StationService, changing_state, ring_of, station_commands
+from netboard.nodes.launching.terminal import failures
 from netboard.services.cli import app
 from script_launcher import SLOW_STOP, ScriptLauncher
 
@@ -37,6 +39,7 @@ class Both:
 
     service: StationService
     far: RemoteMachine
+    near: sockets.Context
 
     def until(self, condition: Callable[[], object]) -> None:
         end = time.monotonic() + SECONDS
@@ -64,11 +67,10 @@ def both(tmp_path: Path, made: tuple[Config, Config]) -> Iterator[Both]:
         sockets.open_context() as near,
         sockets.open_context() as away,
     ):
-        far = RemoteMachine(server, "left", near)
-        yield Both(
-            StationService(station, "left", ring_of(station, "left"), machine, away, {"computer": "lab-pc-2"}), far
-        )
-        far.close()
+        service = StationService(station, "left", ring_of(station, "left"), machine, away, {"computer": "lab-pc-2"})
+        made_both = Both(service, RemoteMachine(server, "left", near), near)
+        yield made_both
+        made_both.far.close()
 
 
 @pytest.mark.slow
@@ -87,6 +89,44 @@ def test_station_starts_reports_and_stops_its_processes(both: Both) -> None:
     both.until(lambda: far.processes["left agent"].phase == "stopped")
     assert far.processes["left agent"].code == 0
     assert far.trouble == ""
+
+
+@pytest.fixture
+def ended(both: Both) -> Both:
+    """A station whose display has ended by itself before the session, and would not do so again."""
+    both.far.start("left display")
+    both.until(lambda: "left display" in both.far.processes and both.far.processes["left display"].phase == "ended")
+    both.service._machine.commands = {name: [SLOW_STOP] for name in both.service._machine.commands}
+    return both
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_end_before_a_session_is_no_end_in_it(ended: Both, made: tuple[Config, Config], known: bool) -> None:
+    """The service outlives sessions, and reports how a process ended until it is started again."""
+    if not known:
+        ended.far.close()
+        ended.far = RemoteMachine(made[0], "left", ended.near)
+    places = dict.fromkeys(("left agent", "left display"), "left station")
+    ends: list[UnaskedEnd] = []
+    session = LaunchedSession({"left station": ended.far}, places, ends.append)
+    session.start()
+    ended.until(lambda: session.poll() or session.running == list(places))
+    assert not ends
+    assert not failures(session)
+
+
+def test_start_that_is_refused_shows_no_earlier_end(ended: Both, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(name: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ended.service._machine, "start", full)
+        ended.far.start("left display")
+        ended.until(lambda: ended.far.refused)
+    assert not ended.far.processes
+    ended.far.start("left display")
+    ended.until(lambda: ended.far.processes)
+    assert ended.far.processes["left display"].phase == "running"
 
 
 def test_station_keeps_nothing_of_the_last_stop(made: tuple[Config, Config]) -> None:

@@ -30,7 +30,7 @@ class SessionMachine(Protocol):
         """The processes that were started, by name, as of the last poll."""
 
     def start(self, name: str) -> None:
-        """Start a process, unless it runs."""
+        """Start a process, unless it runs; `processes` then has no earlier end of it."""
 
     def stop(self, name: str) -> None:
         """Ask a process to stop."""

@@ -4,7 +4,7 @@ Nothing here waits. While the station does not answer, `RemoteMachine.trouble` s
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -44,13 +44,14 @@ class RemoteMachine:
         endpoint = channels.station_endpoint(self._host, port, security)
         self._socket = sockets.station_client(context, endpoint, f"server@{NAME}")
         self._clock_ns = clock_ns
-        self._requests: deque[StationRequest] = deque()
+        self._requests = deque([StationRequest("report", "")])  # it tells what ended before the first start
         self._sent_ns = self._due_ns = 0
         self._heard_ns = clock_ns()
         self._stopped_ns = 0
         self._awaiting = False
         self._version = ""
         self._statuses: dict[str, ProcessStatus] = {}
+        self._earlier: set[tuple[str, int]] = set()  # processes that ended before a start of that name was asked for
         self._logs: dict[str, str] = {}
 
     @property
@@ -69,9 +70,10 @@ class RemoteMachine:
         return self._statuses
 
     def start(self, name: str) -> None:
-        """Ask the station to start a process, unless it runs."""
+        """Ask the station to start a process, unless it runs; an earlier end of it is not shown any more."""
         self._stopped_ns = 0
         self._ask(StationRequest("start", name))
+        self._show(list(self._statuses.values()))
 
     def stop(self, name: str) -> None:
         """Ask the station to stop a process, if it runs."""
@@ -120,9 +122,17 @@ class RemoteMachine:
     def _take(self, report: StationReport, now: int) -> None:
         """Store a report; it answers the request that was sent last."""
         self._heard_ns, self._version, self.state = now, report.version, report.machine
-        self._statuses = {status.name: status for status in report.processes}
         self._logs |= report.logs
         if self._awaiting and self._requests:
             self._requests.popleft()
             self.refused = report.refused
         self._awaiting = False
+        self._show(report.processes)
+
+    def _show(self, statuses: Sequence[ProcessStatus]) -> None:
+        """Show the states of processes, but no end from before a request to start the process."""
+        starting = {request.process for request in self._requests if request.action == "start"}
+        over = (status for status in statuses if status.phase in ("stopped", "ended"))
+        self._earlier |= {(status.name, status.process_id) for status in over if status.name in starting}
+        shown = (status for status in statuses if (status.name, status.process_id) not in self._earlier)
+        self._statuses = {status.name: status for status in shown}

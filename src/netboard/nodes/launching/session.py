@@ -128,6 +128,7 @@ class LaunchedSession:
         status, before = self.status(name), self._running.pop(name, None)
         if status is not None and status.phase in ("running", "stopping"):
             self._running[name] = status
+            self.broken.discard(name)
         if status is not None or before is None:
             return status
         if self.machines[self.places[name]].trouble:
