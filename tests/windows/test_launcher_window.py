@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from threading import current_thread
 
 import pytest
 
@@ -108,6 +109,30 @@ def test_study_that_is_edited_while_it_runs_is_explained(control: LauncherContro
     until(control, lambda: control.stage is LaunchStage.RUNNING)
     Path("study.toml").write_text(library.text_of("pilot") + "\n# more\n")
     until(control, lambda: "study.toml was changed. The running session keeps the study" in said(control))
+    control.end_all()
+
+
+def test_recordings_of_the_session_are_looked_up_beside_the_window(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The window's thread has the emergency stop to handle, and a folder may have thousands of recordings."""
+    looking: set[str] = set()
+    glob = Path.glob
+
+    def noted(folder: Path, pattern: str) -> Iterator[Path]:
+        looking.add(current_thread().name)
+        return glob(folder, pattern)
+
+    Path("recordings").mkdir()
+    Path("recordings/before.mcap").write_bytes(b"12345")
+    monkeypatch.setattr("netboard.windows.launcher.session_files.LOOK_S", 0.0)
+    control.start()
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    monkeypatch.setattr(Path, "glob", noted)
+    Path("recordings/session.mcap.part").write_bytes(b"123")
+    until(control, lambda: control.facts().on_disk)
+    assert control.facts().on_disk == 3
+    assert "MainThread" not in looking
     control.end_all()
 
 

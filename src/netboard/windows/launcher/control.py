@@ -32,6 +32,7 @@ from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
 from netboard.nodes.server.planned import Planned, StudySession
 from netboard.task.studies.study import Study
 from netboard.windows.launcher.model import LaunchFacts, LaunchStage, Notices, edited_while_running
+from netboard.windows.launcher.session_files import SessionFiles
 
 PREPARATION, CHECK, ANALYSIS = "preparation", "check", "analysis"
 CONFIRM_NS = 500_000_000
@@ -95,7 +96,7 @@ class LauncherControl:
         self._session: LaunchedSession | None = None
         self._operator: Operator | None = None
         self._heard_ns = self._stop_ns = 0
-        self._began = time.time()
+        self._files = SessionFiles()
         self._study_text = ""
         self.choose(choice)
 
@@ -237,6 +238,7 @@ class LauncherControl:
                 self.stage = LaunchStage.STOPPING
             if self._session.over:
                 self._finish()
+        self._files.poll()
         if self._operator is not None:
             self._ask_server(self._operator)
 
@@ -250,6 +252,7 @@ class LauncherControl:
     def close(self) -> None:
         """Close all connections; what still runs here is ended."""
         self._leave_server()
+        self._files.close()
         if self._local is not None:
             self._local.__exit__()
         self._forget_stations()
@@ -294,7 +297,7 @@ class LauncherControl:
             {name: machine.trouble for name, machine in self._stations.items()},
             None if operator is None else operator.status,
             (now_ns() - self._heard_ns) * 1e-9,
-            self._on_disk(),
+            self._files.size,
         )
 
     def station_states(self) -> dict[str, dict[str, str]]:
@@ -376,6 +379,7 @@ class LauncherControl:
         places = {name: at for name, at in self.places.items() if at == HERE} | places_at(self._stations)
         machines: dict[str, SessionMachine] = {HERE: self._local, **self._stations}
         self._session = LaunchedSession(machines, places, self._ended)
+        self._files.begin(Path(self.config.recording.directory))
         self._session.start()
         self._operator = Operator(self.config.network, self._context)
         self._study_text = self._text_of_study()
@@ -417,17 +421,6 @@ class LauncherControl:
         """Return the text of the study's file; empty for a built-in study."""
         path = Path(self.choice.study)
         return path.read_text(errors="replace") if self.choice.study and path.is_file() else ""
-
-    def _on_disk(self) -> int:
-        """Return the size of the recordings that were written since the launcher was opened [bytes]."""
-        size = 0
-        for path in Path(self.config.recording.directory).glob("*.mcap*"):
-            try:
-                found = path.stat()
-            except FileNotFoundError:  # it was finished just now, and has another name
-                continue
-            size += found.st_size if found.st_mtime >= self._began else 0
-        return size
 
     def _leave_server(self) -> None:
         if self._operator is not None:
