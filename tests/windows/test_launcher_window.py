@@ -405,6 +405,71 @@ def test_study_is_changed_by_the_forms_of_its_parts_and_stays_a_text(window, con
     assert control.choice.study == "study.toml"
 
 
+def test_parts_of_a_study_are_added_and_removed_with_keys_alone(window) -> None:
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    page = window.study
+    page.load("pilot")
+    window.show_page(2)
+    before = page.editor.toPlainText()
+    page.collection.setFocus()
+    QTest.keyClick(page.collection, Qt.Key.Key_End)
+    while page.collection.currentText() != "new in kinds":
+        QTest.keyClick(page.collection, Qt.Key.Key_Up)
+    QTest.keyClick(page.collection, Qt.Key.Key_Tab)
+    assert window.focusWidget() is page.new_name
+    assert not page.add_button.isEnabled()
+    QTest.keyClicks(page.new_name, "dyadic")
+    assert page.problem.text() == "kinds: found dyadic already, expected another name"
+    QTest.keyClick(page.new_name, Qt.Key.Key_Return)
+    assert page.editor.toPlainText() == before
+    QTest.keyClicks(page.new_name, "2")
+    assert (page.problem.text(), page.add_button.isEnabled()) == ("", True)
+    QTest.keyClick(page.new_name, Qt.Key.Key_Return)
+    assert (page.part.currentText(), page.new_name.text()) == ("kinds.dyadic2", "")
+    assert page.shown.currentWidget() is page.form
+    assert page.form.inputs["catch_after"].text() == "3", "as that of the last kind"
+    assert "\n[kinds.dyadic2]\n" in page.editor.toPlainText()
+    page.table.setFocus()
+    QTest.keyClick(page.table, Qt.Key.Key_Tab)
+    assert window.focusWidget() is page.remove_button
+    QTest.keyClick(page.remove_button, Qt.Key.Key_Space)
+    assert page.editor.toPlainText() == before
+    assert page.part.currentText() == "the whole text"
+    page.editor.undo()
+    assert "[kinds.dyadic2]" in page.editor.toPlainText()
+
+
+def test_part_that_is_needed_or_has_no_form_of_its_own_is_not_removed(window) -> None:
+    page = window.study
+    page.load("pilot")
+    assert not page.remove_button.isEnabled(), "the whole text is shown"
+    page.part.setCurrentText("kinds.dyadic")
+    page.remove()
+    assert '[orders] main: found "dyadic", expected one of practice' in page.problem.text()
+    page.part.setCurrentText("orders")
+    assert not page.remove_button.isEnabled()
+    page.new_name.setText("short")
+    assert page.collection.currentText() == "new in orders"
+    page.add()
+    short = page.form.inputs["short"]
+    assert short.text() == "practice"
+    short.setText("")
+    short.setModified(True)
+    short.editingFinished.emit()
+    assert list(page.form.inputs) == ["main"]
+
+
+def test_nothing_is_added_to_a_text_that_is_no_study(window) -> None:
+    page = window.study
+    page.editor.setPlainText("name = ")
+    page.new_name.setText("pairs")
+    page.add()
+    assert page.editor.toPlainText() == "name = "
+    assert "not valid TOML" in page.problem.text()
+
+
 def test_study_that_is_not_shown_is_not_overwritten(window) -> None:
     from netboard.task.studies import library
 

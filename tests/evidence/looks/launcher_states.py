@@ -22,8 +22,12 @@ LOG = {
 
 NAMES = (
     *("ready", "preparing", "form", "running", "failed", "silent-station", "stopping"),
-    *("rig", "study", "study-form", "machines"),
+    *("rig", "study", "study-form", "study-add", "machines"),
 )
+
+
+FORMS = {"study-form": "kinds.dyadic", "study-add": "factors.haptics.levels.on"}
+"""Parts of the study whose forms are shown."""
 
 
 class ShownControl(LauncherControl):
@@ -93,6 +97,7 @@ def states(control: LauncherControl) -> dict[str, tuple[LaunchFacts, int, str]]:
         "rig": (LaunchFacts(), 1, "server"),
         "study": (LaunchFacts(), 2, "server"),
         "study-form": (LaunchFacts(), 2, "server"),
+        "study-add": (LaunchFacts(), 2, "server"),
         "machines": (LaunchFacts(), 3, "left doctor"),
     }
 
@@ -113,7 +118,9 @@ def show(window: LauncherWindow, state: str) -> None:
     if state == "failed":
         control.say("The left agent ended with exit code 1; it is not started again; all others go on", stays=True)
     window.show_page(page)
-    window.study.part.setCurrentText("kinds.dyadic" if state == "study-form" else WHOLE_TEXT)
+    window.study.part.setCurrentText(FORMS.get(state, WHOLE_TEXT))
+    window.study.collection.setCurrentText("new in kinds")
+    window.study.new_name.setText("dyadic" if state == "study-add" else "")  # a name that is taken
     window.poll()
     window.table.select(row)
     window.poll()

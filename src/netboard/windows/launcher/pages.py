@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtGui import QTextCursor
 from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
@@ -34,7 +35,17 @@ from netboard.windows.launcher.settings_form import (
     keeps_all,
     text_of,
 )
-from netboard.windows.launcher.study_form import OWN, StudyPart, changed_study, parts_of
+from netboard.windows.launcher.study_form import (
+    ORDERS,
+    OWN,
+    Collection,
+    StudyPart,
+    changed_study,
+    collections_of,
+    parts_of,
+    with_part,
+    without_part,
+)
 from netboard.windows.launcher.widgets import DeclaredForm
 from netboard.windows.operator.words import Tone
 
@@ -159,6 +170,10 @@ class StudyPage(QWidget):
         self.part, self.table = QComboBox(), QComboBox()
         self.part.addItem(WHOLE_TEXT)
         self._parts: tuple[StudyPart, ...] = ()
+        self._collections: tuple[Collection, ...] = ()
+        self.collection, self.new_name = QComboBox(), QLineEdit()
+        self.new_name.setPlaceholderText("name of a new part")
+        self.add_button, self.remove_button = QPushButton("Add"), QPushButton("Remove")
         self.form = DeclaredForm()
         self.shown = QStackedWidget()
         self.shown.addWidget(self.editor)
@@ -168,15 +183,18 @@ class StudyPage(QWidget):
         _small(self.plan)
         self.plan.setWordWrap(True)
         self.save_button = QPushButton("Save the study   Ctrl+S")
-        chosen = QWidget()
-        row = QHBoxLayout(chosen)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.addWidget(self.part, 1)
-        row.addWidget(self.table, 1)
-        _column(self, self.start_from, self.path, chosen, self.shown, self.plan, self.problem, self.save_button)
+        chosen = _row(self.part, self.table, self.remove_button)
+        added = _row(self.collection, self.new_name, self.add_button)
+        below = self.shown, self.plan, self.problem, self.save_button
+        _column(self, self.start_from, self.path, chosen, added, *below)
         self.part.currentIndexChanged.connect(lambda _: self._show_part())
         self.table.currentIndexChanged.connect(lambda _: self._show_form())
         self.form.entered.connect(self._enter)
+        self.collection.currentIndexChanged.connect(lambda _: self._try_name())
+        self.new_name.textChanged.connect(lambda _: self._try_name())
+        self.new_name.returnPressed.connect(self.add)
+        self.add_button.clicked.connect(self.add)
+        self.remove_button.clicked.connect(self.remove)
         self._show_part()
         self.start_from.textActivated.connect(self._begin)
         self.editor.textChanged.connect(self._check)
@@ -219,7 +237,7 @@ class StudyPage(QWidget):
             study = parse_study(self.editor.toPlainText(), "study")
             plan = plan_of(study, 1, 1)
         except ConfigError as error:
-            self.problem.setText("\n".join(str(error).splitlines()[:3]))
+            self.problem.setText(_first_lines(error))
             self.plan.setText("")
             return None
         counts = [f"session {part.number}: {len(part.blocks)} blocks" for part in plan.sessions]
@@ -231,14 +249,53 @@ class StudyPage(QWidget):
 
     def _list_parts(self, study: Study) -> None:
         """List the parts of a study that have forms; the chosen one stays chosen if it is still there."""
-        self._parts = parts_of(study)
-        names, before = [WHOLE_TEXT, *(part.name for part in self._parts)], self.part.currentText()
-        if names != [self.part.itemText(place) for place in range(self.part.count())]:
-            with QSignalBlocker(self.part):
-                self.part.clear()
-                self.part.addItems(names)
-                self.part.setCurrentText(before if before in names else WHOLE_TEXT)
+        self._parts, self._collections = parts_of(study), collections_of(study)
+        _list_names(self.collection, [f"new in {one.name}" for one in self._collections])
+        if _list_names(self.part, [WHOLE_TEXT, *(part.name for part in self._parts)]):
             self._show_part()
+
+    def add(self) -> None:
+        """Add a part by the name that was entered, and show its form."""
+        self._try_name()
+        if self.add_button.isEnabled():
+            collection, name = self._collections[self.collection.currentIndex()], self.new_name.text().strip()
+            self._replace(with_part(self.editor.toPlainText(), collection, name))
+            self.new_name.clear()
+            self.part.setCurrentText(collection.name if collection.path == (ORDERS,) else f"{collection.name}.{name}")
+            self._show_form()
+
+    def remove(self) -> None:
+        """Remove the part whose form is shown."""
+        if (part := self._chosen) is not None:
+            self._change(lambda text: without_part(text, part.path))
+
+    def _try_name(self) -> None:
+        """Say why a part of this name cannot be added."""
+        self.add_button.setEnabled(False)
+        name = self.new_name.text().strip()
+        if not (name and self._collections):  # an invalid study has none, and its problem is shown
+            self._check()
+            return
+        try:
+            with_part(self.editor.toPlainText(), self._collections[self.collection.currentIndex()], name)
+        except ConfigError as error:
+            self.problem.setText(_first_lines(error))
+            return
+        self.problem.setText("")
+        self.add_button.setEnabled(True)
+
+    def _change(self, change: Callable[[str], str]) -> None:
+        """Change the text, or say why that is refused."""
+        try:
+            self._replace(change(self.editor.toPlainText()))
+        except ConfigError as error:
+            self.problem.setText(_first_lines(error))
+
+    def _replace(self, text: str) -> None:
+        """Replace the text; Ctrl+Z in the editor brings the one before back."""
+        cursor = QTextCursor(self.editor.document())
+        cursor.select(QTextCursor.SelectionType.Document)
+        cursor.insertText(text)
 
     @property
     def _chosen(self) -> StudyPart | None:
@@ -255,6 +312,8 @@ class StudyPage(QWidget):
             self.table.addItems(part.forms if part is not None else ())
             self.table.setCurrentText(before)  # if this part has it, too
         self.table.setEnabled(part is not None and len(part.forms) > 1)
+        removable = part is not None and part.path[:-1] in {one.path for one in self._collections}
+        self.remove_button.setEnabled(removable)
         self._show_form()
 
     def _show_form(self) -> None:
@@ -262,10 +321,11 @@ class StudyPage(QWidget):
             self.form.show_fields(part.fields(self.table.currentText() or OWN))
 
     def _enter(self, field: FormField, entry: str) -> None:
-        try:
-            self.editor.setPlainText(changed_study(self.editor.toPlainText(), field, entry))
-        except ConfigError as error:
-            self.problem.setText("\n".join(str(error).splitlines()[:3]))
+        if field.path == (ORDERS,) and not entry.strip():
+            self._change(lambda text: without_part(text, (*field.path, field.key.name)))
+            self._show_form()
+        else:
+            self._change(lambda text: changed_study(text, field, entry))
 
 
 class MachinesPage(QWidget):
@@ -314,6 +374,31 @@ def _problem() -> QLabel:
 def _small(line: QLabel) -> None:
     line.setProperty("scale", "fine")
     line.setProperty("tone", Tone.QUIET.value)
+
+
+def _row(*parts: QWidget) -> QWidget:
+    made = QWidget()
+    row = QHBoxLayout(made)
+    row.setContentsMargins(0, 0, 0, 0)
+    for part in parts:
+        row.addWidget(part, 0 if isinstance(part, QPushButton) else 1)
+    return made
+
+
+def _list_names(box: QComboBox, names: list[str]) -> bool:
+    """List names in a box, in which the chosen one stays chosen; return whether they have changed."""
+    before = box.currentText()
+    if names == [box.itemText(place) for place in range(box.count())]:
+        return False
+    with QSignalBlocker(box):
+        box.clear()
+        box.addItems(names)
+        box.setCurrentText(before if before in names else names[0])
+    return True
+
+
+def _first_lines(error: ConfigError) -> str:
+    return "\n".join(str(error).splitlines()[:3])
 
 
 def _column(page: QWidget, *parts: QWidget) -> None:
