@@ -79,7 +79,7 @@ def measured(block: Block, number: int) -> Measured:
         rows_of(FIELDS["movements"], movements),
         rows_of(FIELDS["paths"], []),
         rows_of(FIELDS["controls"], controls),
-        rows_of(FIELDS["answers"], [{"recording": name, **row} for row in block.answers]),
+        rows_of(FIELDS["answers"], [{"recording": name, "block": number, **row} for row in block.answers]),
     )
 
 

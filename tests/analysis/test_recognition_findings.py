@@ -1,6 +1,7 @@
 """What participants answered to "was that a person?", beside each kind of partner."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -43,6 +44,21 @@ def study() -> StudyData:
     second = block("D02", {"person": "pprr", "leader": "rrrr", "game": "pppr"})
     third = block("D03", {"person": "pppp", "leader": "ppr", "game": "pprr"})
     return made_study([first, second, third])
+
+
+def test_answer_that_came_in_the_next_recording_is_about_its_own_block() -> None:
+    first = block("D01", {"person": ""})
+    late = {**block("D01", {"lqg": "p"}).answers[0], "participant": "P1", "block": 1}
+    own = {**late, "other": "leader", "answer": WORDS["r"], "block": 2}
+    second = replace(first, force="none", answers=[late, own])
+    study = made_study([first, second])
+    assert study.answers[["block", "force", "haptics"]].to_numpy().tolist() == [[1, "full", 1], [2, "none", 0]]
+    assert {one.partner: one.share.value for one in opinions(study).parts} == {"leader": 0.0, "lqg": 1.0, ROBOTS: 0.5}
+
+
+def test_answer_about_a_block_without_a_recording_has_no_condition() -> None:
+    (found,) = made_study([block("D01", {"lqg": "p"}, block=7)]).answers.to_dict("records")
+    assert (found["block"], found["force"], found["haptics"]) == (7, "", -1)
 
 
 def test_shares_are_means_of_dyads_with_wilsons_interval() -> None:

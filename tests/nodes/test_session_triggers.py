@@ -1,6 +1,7 @@
 """Triggers of a session: what is sent to the box and when, what is recorded of it, and that the session never waits."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ from netboard.nodes.server.stand_ins import TRIGGER_STAND_IN
 from netboard.nodes.server.triggers import REPORT_NS, SessionTriggers
 from netboard.task.trials.state_machine import Phase
 
-BOX = b"trigger@1"
+BOX, OTHER = b"trigger@1", b"trigger@2"
 READY = BoxState(True, "serial box at /dev/ttyACM0", False, "")
 LOST = BoxState(False, "serial box at /dev/ttyACM0", False, "it was unplugged")
 AHEAD_NS = 7_000_000_000
@@ -50,9 +51,9 @@ class Rig:
         self.report(READY)
         self.triggers.take_news(0)
 
-    def report(self, report: BoxState | PulseReport | InputPulse) -> None:
-        """Let the box report something."""
-        self.peers.take(BOX, self.peer, report)
+    def report(self, report: BoxState | PulseReport | InputPulse, who: bytes = BOX) -> None:
+        """Let a box report something."""
+        self.peers.take(who, self.peer, report)
 
     def event(self, name: str, tick: int = 5) -> list[Trigger]:
         """Let an event happen at a tick, and return what is sent to the box."""
@@ -69,6 +70,29 @@ def test_event_with_a_code_is_sent_at_once_and_others_are_not() -> None:
     assert rig.event("held", 9) == [Trigger(0, 9, 9 * TICK_NS, "held", 4)]
     assert rig.event("agent_joined") == []
     assert rig.event("fell", 10) == [Trigger(1, 10, 10 * TICK_NS, "fell", 5)]
+
+
+def test_second_process_without_its_box_takes_no_part() -> None:
+    rig = Rig()
+    rig.peers.present = [OTHER, BOX]
+    rig.report(LOST, OTHER)
+    rig.triggers.take_news(0)
+    assert rig.event("held") == [Trigger(0, 5, 5 * TICK_NS, "held", 4)]
+    assert rig.router.received_by(OTHER) == []
+
+
+def test_pulse_of_one_box_counts_although_another_made_none() -> None:
+    rig = Rig()
+    rig.peers.present = [OTHER, BOX]
+    rig.report(READY, OTHER)
+    rig.triggers.take_news(0)
+    failed = PulseReport(0, 0, 0, 0, 0, 0, "it was unplugged")
+    for last, name in ((PulseReport(0, 1, 2, 3, 0, 0, ""), TRIGGER), (replace(failed, number=1), TRIGGER_LOST)):
+        rig.event("held")
+        rig.report(replace(failed, number=last.number), OTHER)
+        assert rig.triggers.take_news(0) == []
+        rig.report(last)
+        assert [news for news, _ in rig.triggers.take_news(0)] == [name]
 
 
 def test_rig_without_a_box_sends_nothing_and_misses_nothing() -> None:

@@ -23,6 +23,7 @@ from netboard.task.journal.entries import (
     EmergencyStopped,
     Ended,
     Entry,
+    FormAwaited,
     Header,
     JournalContent,
     Note,
@@ -77,6 +78,7 @@ EVERY_ENTRY: list[Entry] = [
     EmergencyStopped("emergency stop by an operator", "r1", 80),
     EmergencyReleased("r1", 90),
     BlockEnded(1, "stopped"),
+    FormAwaited(1, ("left", "right")),
     Resumed("r2"),
     Ended("the lab closes"),
 ]
@@ -222,6 +224,16 @@ def test_completed_session_has_nothing_to_resume() -> None:
     now = progress_after(BEGAN, BlockEnded(1, "given_up"), plan=(Planned(1, 5),))
     assert now.complete
     assert resume_words(now) == "nothing to resume: all 1 blocks are complete"
+
+
+def test_awaited_answers_are_those_of_the_newest_entry() -> None:
+    asked, answered, nobody = (FormAwaited(1, stations) for stations in (("left", "right"), ("right",), ()))
+    over = (BEGAN, began(1), ended(1))
+    plan = (Planned(1, 1),)
+    assert progress_after(*over, asked, answered, plan=plan).form == answered
+    assert progress_after(*over, asked, nobody, plan=plan).form == nobody
+    words = resume_words(progress_after(*over, asked, plan=plan))
+    assert words.endswith("complete; the answers of left and right to the questionnaires of block 1 are lost")
 
 
 def test_stopped_block_resumes_unless_a_later_block_begins() -> None:

@@ -7,6 +7,7 @@ from display_parts import DisplayRig, until
 
 from netboard.base.config import Config
 from netboard.base.tables.questionnaires import Form, FormQuestion, packed
+from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.views import QuestionnaireAnswers
 from netboard.network.transport import sockets
 from netboard.windows.participant.scene import PictureState
@@ -155,3 +156,11 @@ def test_closing_the_display_sends_what_was_filled_in(rig):
     rig.form.field.put("a program")
     rig.client.close()
     assert rig.answers() == [(1, {"a.first": "a program", "a.second": ""}, False)]
+
+
+def test_end_of_the_session_sends_what_was_filled_in(rig):
+    assert rig.asks()
+    rig.form.field.put("a program")
+    rig.server.send(Goodbye("the session is over"))
+    assert rig.answers() == [(1, {"a.first": "a program", "a.second": ""}, False)]
+    assert rig.form is None

@@ -8,8 +8,9 @@ from netboard.network.protocol.records import EventRecord
 from netboard.recording.export.answers import answers_in
 
 FIELDS = (
-    words("recording", "name of the recording"),
+    words("recording", "name of the recording in which the answer is: of its block, or of the next one"),
     words("participant", "pseudonym of the participant"),
+    count("block", "number of the block that the question is about, as `block` of the blocks"),
     words("station", "left or right: the station of the participant"),
     words("other", "what moved the other end: own, person, still, or the name of a robot partner"),
     words("questionnaire", "name of the questionnaire"),
@@ -27,6 +28,7 @@ def answers(name: str, events: Sequence[EventRecord]) -> Iterator[dict[str, Any]
         yield {
             "recording": name,
             "participant": one.participant,
+            "block": one.block,
             "station": one.station,
             "other": one.partner,
             "questionnaire": one.questionnaire,

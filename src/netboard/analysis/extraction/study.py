@@ -54,7 +54,12 @@ PLACE_IN_STUDY = (
 
 _SHARED = tuple(field.name for field in PLACE_IN_STUDY)
 _RAW = ("factors", "settings")
-_PLACE_OF_ANSWER = ("dyad", "block", "force", "haptics")
+PLACE_OF_ANSWER = (
+    _OF_BLOCKS["dyad"],
+    words("force", f"{HAPTICS}; empty if the study has no recording of the block"),
+    count("haptics", "1: with haptic feedback; 0: haptics off; -1: the study has no recording of the block"),
+)
+"""Columns of a study's table of answers beside those of a recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -137,12 +142,13 @@ def study_of(
     levels = study_levels(blocks, _analysed(blocks, roles))
     blocks = blocks.drop(columns=[*_RAW])
     blocks["condition"] = _block_conditions(blocks, levels)
-    blocks["block"] = _numbers(blocks)
+    numbers = _numbers(blocks)
+    answers = _placed_answers(tables["answers"], blocks, numbers)
+    blocks["block"] = numbers
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
     trials = _placed(tables["trials"], blocks, left_out, readings, levels)
     blocks = blocks.assign(**_block_columns(levels))
     moves, controls = (_of_attempts(tables[name], trials, levels) for name in ("movements", "controls"))
-    answers = tables["answers"].merge(blocks[["recording", *_PLACE_OF_ANSWER]], on="recording", how="left")
     return StudyData(readings, blocks, trials, moves, paths, left_out, levels, controls, answers)
 
 
@@ -252,6 +258,19 @@ def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
+def _placed_answers(answers: pd.DataFrame, blocks: pd.DataFrame, numbers: pd.Series) -> pd.DataFrame:
+    """Add dyad, number and force condition of the block that each answer is about; it may be in the next recording."""
+    session = ["dyad", "study", "session"]
+    own = answers.merge(blocks[["recording", *session]], on="recording", how="left", validate="many_to_one")
+    places = blocks[[*session, "block", "force", "haptics"]].assign(number=numbers)
+    places = places.drop_duplicates([*session, "block"])
+    placed = own.merge(places, on=[*session, "block"], how="left", validate="many_to_one")
+    placed["block"] = placed["number"].fillna(placed["block"]).astype("int64")
+    placed["force"] = placed["force"].fillna("")
+    placed["haptics"] = placed["haptics"].fillna(-1).astype("int64")
+    return placed.drop(columns=["number", "study", "session"])
+
+
 def series_labels(readings: Readings) -> list[str]:
     """Return the columns that identify a series: trials of a performer that the settings number together."""
     condition = ["condition"] if readings.summaries.numbering == "condition" else []
@@ -290,7 +309,7 @@ FIELDS_IN_STUDY = {
         for name in ("movements", "controls")
     },
     "paths": FIELDS["paths"],
-    "answers": (*FIELDS["answers"], *(field for field in PLACE_IN_STUDY if field.name in _PLACE_OF_ANSWER)),
+    "answers": (*FIELDS["answers"], *PLACE_OF_ANSWER),
 }
 """Columns of each table of a study, without those of its factors."""
 

@@ -5,6 +5,7 @@ Reports carry times of the peer's own clock, which are converted here.
 """
 
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple, TypeAlias
 
 from netboard.base.errors import WireError
@@ -39,10 +40,10 @@ class TriggerPeers:
         self._router = router
         self._reports: deque[TimedReport] = deque()
 
-    def send(self, trigger: Trigger) -> int:
-        """Send a trigger to all boxes; return how many take it [1]."""
+    def send(self, trigger: Trigger, to: Iterable[bytes]) -> int:
+        """Send a trigger to some of the boxes; return how many take it [1]."""
         frame = encode(trigger)
-        return sum(self._router.send(name, frame) for name in self.present)
+        return sum(self._router.send(name, frame) for name in to)
 
     def take(self, name: bytes, peer: ProbedPeer, report: Report) -> None:
         """Keep a report."""

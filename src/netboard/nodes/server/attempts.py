@@ -7,7 +7,7 @@ Nothing here waits for a disk.
 
 import re
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from typing import Literal
 
@@ -30,6 +30,7 @@ from netboard.task.journal.entries import (
     EmergencyStopped,
     Ended,
     Entry,
+    FormAwaited,
     Note,
     Opened,
     Repeat,
@@ -73,6 +74,7 @@ class Attempts:
         self.completions: list[float] = []  # completion times of the block so far [s]
         self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
+        self._form = progress.form if progress else FormAwaited(0, ())
         self._early = deque[_OfRun](maxlen=MAX_EARLY)
         self._run = ""
         self._block = 0
@@ -307,6 +309,19 @@ class Attempts:
             self.wanted -= 1
             return Cause.REPEAT
         return Cause.NONE
+
+    def await_form(self, form: FormAwaited) -> None:
+        """Write whose answers are awaited to the journal, if that has changed."""
+        if form != self._form:
+            self._form = form
+            self._write(form)
+
+    def lost_answers(self) -> Iterator[dict[str, str]]:
+        """Answers that were awaited when an earlier run of the server ended, as event details."""
+        if self._progress is not None:
+            form = self._progress.form
+            for station in form.stations:
+                yield {"station": station, "block": str(form.block), "reason": "the server had ended"}
 
     def note(self, text: str, tick: int) -> None:
         """Write an operator's note to the journal, or keep it until there is one."""

@@ -35,6 +35,7 @@ class BlockChanges:
         state.attempts.open(state.sequence.block.config, state.session)  # if refused, nothing of the form is kept
         state.operators.opened = state.event_log.opened = True
         self._begin_block()
+        self._record_unanswered(state.attempts.lost_answers())
         state.event_log.record_held(state.number)
 
     def finish_block(self, number: int) -> None:
@@ -50,6 +51,7 @@ class BlockChanges:
         self._due = -1
         state = self._state
         state.questionnaires = ""
+        state.forms.withdraw()
         state.supervisor.reopened()
         if state.supervisor.autostart:
             state.allow_arming(True)

@@ -14,6 +14,7 @@ from netboard.base.tables.questionnaires import problems_of, questions_of
 from netboard.network.protocol.control import FORM_AWAITED
 from netboard.network.protocol.views import QuestionnaireAnswers
 from netboard.stage.curtain import make_curtain
+from netboard.task.journal.entries import FormAwaited
 
 
 class Questionnaires:
@@ -22,6 +23,8 @@ class Questionnaires:
     def __init__(self) -> None:
         self._asked: dict[int, Config] = {}  # the blocks whose form was asked
         self._waiting: dict[Side, int] = {}  # the block that each station has still to answer
+        self.unsent: set[Side] = set()  # stations whose display may hold an open form
+        self._given: set[tuple[int, Side]] = set()  # blocks and stations with answers
         self._until_ns = 0
 
     def ask(self, config: Config) -> None:
@@ -31,10 +34,16 @@ class Questionnaires:
         self._asked[config.block.number] = config
         away = make_curtain(config).away
         self._waiting = {side: config.block.number for side in SIDES if side not in away}
+        self.unsent = set(self._waiting)
+        self._given -= {(block, side) for side, block in self._waiting.items()}
         self._until_ns = now_ns() + round(config.form.wait * 1e9)
 
     def take(self, answers: QuestionnaireAnswers) -> dict[str, str]:
-        """Return answers as event details; raise WireError if they do not belong to a form."""
+        """Return answers as event details; raise WireError if they do not belong to a form, or must not replace others.
+
+        A station may have two displays, or one that was restarted: of their forms, what is unfinished does not follow
+        what has answers.
+        """
         station: Side = "left" if answers.station == "left" else "right"
         config = self._asked.get(answers.block)
         if config is None:
@@ -42,6 +51,13 @@ class Questionnaires:
         questions = questions_of(config.form)
         for problem in problems_of(questions, answers.given):
             raise WireError(f"the {station} display answers {problem}")
+        place = (answers.block, station)
+        if not answers.complete and place in self._given:
+            raise WireError(f"the {station} display has an unfinished form of block {answers.block}, which has answers")
+        if answers.complete or any(answers.given.values()):
+            self._given.add(place)
+        if answers.block == max(self._asked):
+            self.unsent.discard(station)
         if answers.complete and self._waiting.get(station) == answers.block:
             del self._waiting[station]
         return {
@@ -61,6 +77,15 @@ class Questionnaires:
         for station, block in self._waiting.items():
             yield {"station": station, "block": str(block), **by}
         self._waiting.clear()
+
+    def withdraw(self) -> None:
+        """Stop waiting: the block goes on, and its form will be asked again."""
+        self._waiting.clear()
+
+    @property
+    def awaited(self) -> FormAwaited:
+        """Whose answers are awaited, for the journal."""
+        return FormAwaited(max(self._waiting.values(), default=0), tuple(self._waiting))
 
     def require_awaited(self) -> str:
         """Return in words whose answers are awaited; raise NetboardError if none are."""

@@ -3,6 +3,8 @@
 import logging
 
 from netboard.base.clock import now_ns
+from netboard.base.errors import WireError
+from netboard.base.tables.questionnaires import ANSWERS
 from netboard.network.protocol.records import STAND_IN_CONFIRMED
 from netboard.nodes.ports.backfill import Backfiller
 from netboard.nodes.server.state import SessionState
@@ -31,6 +33,9 @@ CLOSING_NS = 200_000_000
 With `zmq.IMMEDIATE`, libzmq drops what a peer has not read when its connection ends.
 """
 
+ANSWERS_NS = 300_000_000
+"""Longest wait at the end for what participants had filled in: their displays send it at the goodbye [ns]."""
+
 FINISH_NS = 10_000_000_000
 """Longest wait for the loggers to bring the last records to disk [ns]."""
 
@@ -45,13 +50,14 @@ class RecordKeeping:
         self._started = False  # whether a trial has started: before, nothing is lost if there is no logger
         self._devices: dict[str, str] = {}  # by side
         self._clocks_ns = 0
-        self._backfill_began_ns = self._backfill_heard_ns = self._ended_ns = 0  # 0: not yet
+        self._backfill_began_ns = self._backfill_heard_ns = 0  # 0: not yet
+        self._goodbye_ns = self._ended_ns = 0
         self._log_closing = False
 
     @property
     def ending(self) -> bool:
         """Whether the blocks are over and the loggers are taking the remaining records."""
-        return self._ended_ns > 0
+        return self._goodbye_ns > 0
 
     @property
     def over(self) -> bool:
@@ -86,6 +92,7 @@ class RecordKeeping:
                 state.event_log.record_probes(port.clock_records(state.event_log.probes))
         self._backfill(now)
         self._record_news(now)
+        state.attempts.await_form(state.forms.awaited)
         if state.operators.opened and state.block.config.session.real:
             for details in state.confirmations.take_news(state.find_stand_ins()):
                 state.note(STAND_IN_CONFIRMED, details)
@@ -118,6 +125,16 @@ class RecordKeeping:
             state.note("refused", details)
         self._log.pump(now)
 
+    def take_answers(self) -> None:
+        """Record the answers of participants."""
+        state, waiting = self._state, self._state.ports.control.answers
+        while waiting:
+            answers = waiting.popleft()
+            try:
+                state.note(ANSWERS, state.forms.take(answers))
+            except WireError as error:
+                state.note("answers_refused", {"station": answers.station, "reason": str(error)})
+
     def _know_device(self, details: dict[str, str]) -> None:
         """Compare the device of an agent that has joined with the side's last one; in a trial it must be the same.
 
@@ -142,7 +159,7 @@ class RecordKeeping:
         return in_time and self._backfiller.pending(state.ports.motion, state.rows, state.number)
 
     def end(self) -> None:
-        """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""
+        """Record what is left of the peers, and say goodbye; displays with an open form then send what it holds."""
         state = self._state
         self.record_frames(None)
         for refusals in state.ports.refusals:
@@ -151,13 +168,18 @@ class RecordKeeping:
             state.note("refused", details)
         self._record_news(now_ns())
         state.ports.goodbye("the session is over")
-        state.note("session_ended", {"late_ticks": str(state.clock.late_ticks)})
-        self._record_news(now_ns())
-        self._log.end()
-        self._ended_ns = now_ns()
+        self._goodbye_ns = now_ns()
+        if not state.forms.unsent:
+            self._end_log()
 
     def continue_ending(self, now: int) -> None:
-        """Feed the loggers until they have everything or the time is up [ns]."""
+        """Take the last answers, then feed the loggers until they have everything or the time is up [ns]."""
+        if not self._ended_ns:
+            self._state.ports.control.drain(now_ns)
+            self.take_answers()
+            if not self._state.forms.unsent or now - self._goodbye_ns > ANSWERS_NS:
+                self._end_log()
+            return
         if self._log_closing:
             return
         self._record_news(now)
@@ -165,6 +187,14 @@ class RecordKeeping:
         if self._log.done or not awaited or now - self._ended_ns > FINISH_NS:
             self._log_closing = True
             self._log.close()
+
+    def _end_log(self) -> None:
+        """Record that the session has ended; nothing is recorded after that."""
+        self._state.attempts.await_form(self._state.forms.awaited)
+        self._state.note("session_ended", {"late_ticks": str(self._state.clock.late_ticks)})
+        self._record_news(now_ns())
+        self._log.end()
+        self._ended_ns = now_ns()
 
     def close(self) -> None:
         """Close what is still open, and log which records are not known to be on disk."""

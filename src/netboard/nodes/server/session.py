@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.errors import WireError
-from netboard.base.tables.questionnaires import ANSWERS
 from netboard.base.tick import TICK, TICK_NS, TICK_WORDS
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
@@ -462,15 +460,5 @@ class DyadSession:
         self._control.pump(now)
         self._requests.forget_silent_commander()
         self._control_unread = True  # look at the control channel even without a signal, which may have been missed
-        if self._control.answers:
-            self._take_answers()
+        self.records.take_answers()
         self.records.keep(now)
-
-    def _take_answers(self) -> None:
-        """Record the answers of participants."""
-        while self._control.answers:
-            answers = self._control.answers.popleft()
-            try:
-                self._state.note(ANSWERS, self._state.forms.take(answers))
-            except WireError as error:
-                self._state.note("answers_refused", {"station": answers.station, "reason": str(error)})

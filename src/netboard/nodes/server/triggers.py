@@ -34,6 +34,7 @@ class _Pending(NamedTuple):
 
     trigger: Trigger
     due_ns: int  # when it counts as lost
+    boxes: int  # that have still to report it
 
 
 class SessionTriggers:
@@ -60,8 +61,8 @@ class SessionTriggers:
             return
         trigger = Trigger(self._number, tick, tick_ns, name, code)
         self._number += 1
-        if self._peers.send(trigger):
-            self._pending[trigger.number] = _Pending(trigger, self._due_ns(now_ns))
+        if boxes := self._peers.send(trigger, self._ready or self._peers.present):
+            self._pending[trigger.number] = _Pending(trigger, self._due_ns(now_ns), boxes)
         else:
             self._lose(trigger, self.trouble or f"{THE_BOX} takes no messages")
 
@@ -75,9 +76,9 @@ class SessionTriggers:
         """Why no pulse can be made now; empty if one can, or none is declared."""
         if not self._settings.declared:
             return ""
-        states = [self._states[name] for name in self._peers.present if name in self._states]
-        if any(state.ready for state in states):
+        if self._ready:
             return ""
+        states = [self._states[name] for name in self._peers.present if name in self._states]
         said = next((state.reason for state in states if state.reason), "netboard trigger is not connected")
         return f"{THE_BOX} is not ready: {said}"
 
@@ -113,16 +114,24 @@ class SessionTriggers:
         news, self._news = self._news, []
         return news
 
+    @property
+    def _ready(self) -> list[bytes]:
+        """The boxes that can make a pulse: another one would report at once that it made none."""
+        return [name for name in self._peers.present if name in self._states and self._states[name].ready]
+
     def _due_ns(self, now_ns: int) -> int:
         """Return when a trigger that is sent now counts as lost: the box makes the pending pulses before it."""
         pulse_ns = int((self._settings.width + self._settings.gap) * 1e9)
         return now_ns + REPORT_NS + (len(self._pending) + 1) * pulse_ns
 
     def _take_pulse(self, report: PulseReport, timed: TimedReport) -> None:
-        """Take what became of a trigger; of several boxes the first report counts."""
+        """Take what became of a trigger: of several boxes the first pulse counts, or the fault of the last one."""
         if (pending := self._pending.pop(report.number, None)) is None:
             return
         trigger = pending.trigger
+        if report.fault and pending.boxes > 1:
+            self._pending[report.number] = pending._replace(boxes=pending.boxes - 1)
+            return
         if report.fault:
             self._lose(trigger, report.fault)
             return

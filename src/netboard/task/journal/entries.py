@@ -224,6 +224,23 @@ class BlockEnded:
 
 
 @dataclass(frozen=True, slots=True)
+class FormAwaited:
+    """The stations whose answers to the questionnaires of a block are awaited have changed.
+
+    Attributes
+    ----------
+    block : int
+        Number of the block, which is over [1].
+    stations : tuple of str
+        ``left``, ``right``; empty once nobody is waited for.
+    """
+
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
+    block: int
+    stations: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Note:
     """A note of the operator.
 
@@ -303,6 +320,7 @@ Entry: TypeAlias = (
     | Repeat
     | Veto
     | BlockEnded
+    | FormAwaited
     | Note
     | EmergencyStopped
     | EmergencyReleased
@@ -319,6 +337,7 @@ KINDS: dict[str, type[Any]] = {
     "repeat": Repeat,
     "veto": Veto,
     "block_ended": BlockEnded,
+    "form_awaited": FormAwaited,
     "note": Note,
     "emergency_stop": EmergencyStopped,
     "emergency_release": EmergencyReleased,

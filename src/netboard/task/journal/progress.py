@@ -19,6 +19,7 @@ from netboard.task.journal.entries import (
     BlockEnded,
     Ended,
     Entry,
+    FormAwaited,
     Header,
     Opened,
     Repeat,
@@ -79,6 +80,8 @@ class SessionProgress:
         The incomplete attempt at the end of the journal, if there is one.
     runs : tuple of str
         Ids of all runs of the server so far.
+    form : FormAwaited
+        Answers that were awaited when the server ended; without stations, if none were.
     """
 
     blocks: int
@@ -97,6 +100,7 @@ class SessionProgress:
     incomplete: tuple[Place, ...]
     under_way: Place | None
     runs: tuple[str, ...]
+    form: FormAwaited
 
     @property
     def complete(self) -> bool:
@@ -138,6 +142,7 @@ class _Reader:
         self.incomplete: list[Place] = []
         self.under_way: Place | None = None
         self.runs: list[str] = []
+        self.form = FormAwaited(0, ())
         self._newest = 0  # block that began last
 
     def take(self, entry: Entry) -> None:
@@ -167,6 +172,8 @@ class _Reader:
                 self.interrupt()
                 so_far = self._present(number)
                 so_far.over, so_far.stopped = how != "stopped", how == "stopped"
+            case FormAwaited():
+                self.form = entry
             case Ended():
                 self.interrupt()
 
@@ -284,11 +291,22 @@ def progress_of(
         incomplete=tuple(reader.incomplete),
         under_way=under_way,
         runs=tuple(reader.runs),
+        form=reader.form,
     )
 
 
 def resume_words(progress: SessionProgress) -> str:
-    """Describe in one line where a session resumes, for the operator."""
+    """Describe in one line where a session resumes, for the operator, and which answers it lacks."""
+    if not progress.form.stations:
+        return _place_words(progress)
+    who = " and ".join(progress.form.stations)
+    return (
+        f"{_place_words(progress)}; the answers of {who} to the questionnaires of block {progress.form.block} are lost"
+    )
+
+
+def _place_words(progress: SessionProgress) -> str:
+    """Describe where a session resumes."""
     if progress.complete:
         return f"nothing to resume: all {progress.blocks} blocks are complete"
     where = f"block {progress.block} of {progress.blocks}"

@@ -120,8 +120,7 @@ class DisplayClient(QObject):
             notifier.setEnabled(False)
         if self.session:
             self._report()
-            self._form.close()
-            self._send_answers()
+            self._close_form()
             sockets.send(self._control, encode(Goodbye("the display was closed")))
         self._form.drop()
         self.showing.close()
@@ -171,6 +170,7 @@ class DisplayClient(QObject):
                     self.session = ""
                     self._log_once(f"the server has refused this display: {reason}")
                 case Goodbye(reason=reason):
+                    self._close_form()
                     self.session = ""
                     self._over = True
                     log.info("the server has closed the connection: %s", reason)
@@ -224,6 +224,11 @@ class DisplayClient(QObject):
         sockets.send_or_renew(self._control, encode(hello))
         if not self.linked:
             sockets.renew(self._views)
+
+    def _close_form(self) -> None:
+        """Send what was filled in: the session does not go on, or not at this display."""
+        self._form.close()
+        self._send_answers()
 
     def _send_answers(self) -> None:
         self._form.send(lambda frame: sockets.send(self._control, frame))
