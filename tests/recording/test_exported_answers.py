@@ -96,3 +96,18 @@ def test_bids_keeps_answers_under_their_questions_if_a_questionnaire_has_changed
     with (tmp_path / "out" / "phenotype" / "rating.tsv").open(encoding="utf-8") as file:
         found = [(row["demand"], row["effort"], row["delay"]) for row in csv.DictReader(file, delimiter="\t")]
     assert found == [("10", "20", "n/a"), ("n/a", "30", "40")]
+
+
+def test_bids_has_numbers_where_a_question_asks_for_one(tmp_path: Path) -> None:
+    """A quote before a negative number would make a text of it; before a text it keeps spreadsheets from running it."""
+    questions = {
+        "mood.change": FormQuestion(kind="number", text="Warmer or colder?", minimum=-10.0),
+        "mood.pull": FormQuestion(kind="number", text="How far?", minimum=-10.0),
+        "mood.remark": REMARK,
+        "mood.side": FormQuestion(kind="choice", text="Which way?", choices=("-1", "1")),
+    }
+    given = {"mood.change": "-5", "mood.pull": "-0.5", "mood.remark": "-5", "mood.side": "-1"}
+    about = {name: text for name, text in DETAILS.items() if "." not in name}
+    bids.write([recorded(tmp_path / "mood.mcap", questions, about | given)], tmp_path / "out", lambda *_: None)
+    row = (tmp_path / "out" / "phenotype" / "mood.tsv").read_text(encoding="utf-8").splitlines()[1].split("\t")
+    assert row[-4:] == ["-5", "-0.5", "'-5", "'-1"]

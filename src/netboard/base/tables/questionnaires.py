@@ -30,6 +30,9 @@ KINDS: dict[QuestionKind, str] = {
 if tuple(KINDS) != get_args(QuestionKind):
     raise RuntimeError(f"KINDS: found {', '.join(KINDS)}, expected {', '.join(get_args(QuestionKind))}")
 
+NUMBERS: tuple[QuestionKind, ...] = ("likert", "vas", "number")
+"""The kinds whose answers are numbers."""
+
 MAX_TEXT = 500
 """Most characters of a free text [1]."""
 

@@ -9,7 +9,7 @@ Numbers have the fewest digits that read back as the same float64; missing ones 
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import chain
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.files.cells import tsv_lines, tsv_number_lines
-from netboard.base.tables.questionnaires import FormQuestion, questions_of
+from netboard.base.tables.questionnaires import NUMBERS, FormQuestion, questions_of
 from netboard.recording.export import bids_texts as texts
 from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
@@ -274,11 +274,19 @@ def _write_answers(runs: Sequence[Run], folder: Path) -> None:
         for one in found:
             key = (run.session, one.participant, str(one.block), str(one.time_ns))
             row = forms.setdefault(one.questionnaire, {}).setdefault(key, _form_row(one, run))
-            row[one.question] = one.answer or texts.MISSING
+            row[one.question] = _answer(one, questions)
     for name, rows in forms.items():
         (folder / "phenotype").mkdir(exist_ok=True)
         _write_table(folder / "phenotype" / f"{name}.tsv", list(rows.values()))
         _write_json(folder / "phenotype" / f"{name}.json", texts.of_questionnaire(name, questions))
+
+
+def _answer(one: Answer, questions: Mapping[str, FormQuestion]) -> object:
+    """Return an answer for a cell: a number, if the question asks for one."""
+    asked = questions.get(f"{one.questionnaire}.{one.question}")
+    if asked is None or asked.kind not in NUMBERS or not np.isfinite(one.value):
+        return one.answer or texts.MISSING
+    return int(one.value) if one.value.is_integer() else one.value
 
 
 def _form_row(one: Answer, run: Run) -> Row:
