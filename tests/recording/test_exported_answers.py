@@ -35,10 +35,12 @@ DETAILS = {
 EVENT = EventRecord(3, 40, 1_000_000_000, ANSWERS, DETAILS)
 
 
-def recorded(path: Path, questions: dict[str, FormQuestion], details: dict[str, str], time_ns: int = 10**9) -> Path:
+def recorded(
+    path: Path, questions: dict[str, FormQuestion], details: dict[str, str], time_ns: int = 10**9, *settings: str
+) -> Path:
     """Record a session with the answers to a form; the questions are given by their id."""
     form = Form(tuple(packed(*name.split("."), question) for name, question in questions.items()))
-    writer = writer_of(path, replace(parse(""), form=form), {})
+    writer = writer_of(path, replace(parse("", "test", settings), form=form), {})
     last = fill(writer, make_rows(2)[:40])
     writer.write(replace(EVENT, details=details, time_ns=time_ns), writer.next_record or 0, last + 1)
     writer.finish(last + 2, "complete")
@@ -111,3 +113,17 @@ def test_bids_has_numbers_where_a_question_asks_for_one(tmp_path: Path) -> None:
     bids.write([recorded(tmp_path / "mood.mcap", questions, about | given)], tmp_path / "out", lambda *_: None)
     row = (tmp_path / "out" / "phenotype" / "mood.tsv").read_text(encoding="utf-8").splitlines()[1].split("\t")
     assert row[-4:] == ["-5", "-0.5", "'-5", "'-1"]
+
+
+def test_bids_knows_who_answered_in_a_block_without_them(tmp_path: Path) -> None:
+    """An answer may come when the next block has begun, in which its participant does not play."""
+    questions = {"rest.remark": REMARK}
+    second = ("block.right=still", "block.number=2", "block.blocks=2")
+    paths = [
+        recorded(tmp_path / "first.mcap", questions, DETAILS | {"block": "0"}, 10**9),
+        recorded(tmp_path / "second.mcap", questions, DETAILS, 2 * 10**9, *second),
+    ]
+    bids.write(paths, tmp_path / "out", lambda *_: None)
+    with (tmp_path / "out" / "phenotype" / "rest.tsv").open(encoding="utf-8") as file:
+        first, second = (row["participant_id"] for row in csv.DictReader(file, delimiter="\t"))
+    assert first == second == "sub-D01B"

@@ -24,7 +24,7 @@ from netboard.recording.export import bids_texts as texts
 from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.runs import Person, Run, devices_of, require_people, runs_of
+from netboard.recording.export.runs import Person, Run, devices_of, pseudonym_of, require_people, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
 from netboard.recording.export.survey import PerturbationSpan, PhaseChange, Survey
 from netboard.recording.export.trigger_pulses import pulses_of
@@ -267,13 +267,15 @@ def _write_answers(runs: Sequence[Run], folder: Path) -> None:
     """Write the answers to questionnaires: a table with its sidecar for each, a row for each form."""
     forms: dict[str, dict[tuple[str, ...], Row]] = {}
     questions: dict[str, FormQuestion] = {}
+    # Of all runs of a session: late answers are recorded in the next block, in which the participant may not play.
+    labels = {(run.session, pseudonym_of(run, person)): person.label for run in runs for person in run.people}
     for run in runs:
         questions |= questions_of(run.config.form)
         with Recording(run.path) as recording:
             found = answers_in(recording.events())
         for one in found:
             key = (run.session, one.participant, str(one.block), str(one.time_ns))
-            row = forms.setdefault(one.questionnaire, {}).setdefault(key, _form_row(one, run))
+            row = forms.setdefault(one.questionnaire, {}).setdefault(key, _form_row(one, run.session, labels))
             row[one.question] = _answer(one, questions)
     for name, rows in forms.items():
         (folder / "phenotype").mkdir(exist_ok=True)
@@ -289,12 +291,11 @@ def _answer(one: Answer, questions: Mapping[str, FormQuestion]) -> object:
     return int(one.value) if one.value.is_integer() else one.value
 
 
-def _form_row(one: Answer, run: Run) -> Row:
-    letter = "A" if one.participant == run.config.session.participant_a else "B"
-    label = next((person.label for person in run.people if person.letter == letter), "")
+def _form_row(one: Answer, session: str, labels: Mapping[tuple[str, str], str]) -> Row:
+    label = labels.get((session, one.participant), "")
     return {
         "participant_id": f"sub-{label}" if label else texts.MISSING,
-        "session_id": f"ses-{run.session}",
+        "session_id": f"ses-{session}",
         "block": one.block,
         "label": one.label,
         "partner": one.partner,

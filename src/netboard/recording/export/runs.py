@@ -170,9 +170,14 @@ def refuse_copies(recordings: Iterable[tuple[Path, Mapping[str, str]]]) -> None:
 
 def _identity(run: Run, person: Person) -> tuple[str, ...]:
     """Return the identity behind a label: the pseudonym, or dyad and letter without one."""
+    name = pseudonym_of(run, person)
+    return (name,) if name != person.letter else (run.config.session.dyad, name)
+
+
+def pseudonym_of(run: Run, person: Person) -> str:
+    """Return how a person is called in a run; the letter if there is no pseudonym."""
     who = run.config.session
-    name = who.participant_a if person.letter == "A" else who.participant_b
-    return (name,) if name != person.letter else (who.dyad, name)
+    return who.participant_a if person.letter == "A" else who.participant_b
 
 
 def _refuse_shared(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tuple[str, ...]]]]) -> None:
