@@ -54,6 +54,7 @@ PLAIN = {
     ),
     "decisions": ("participants.decisions", "Time of a robot partner's decision, called once a millisecond."),
     "partners": ("participants.partners", "Participants beside every kind of partner, haptic feedback on and off."),
+    "live": ("participants.live", "Robot partners in real processes: a session each, verified, timed and analysed."),
     "partner-pairs": ("participants.partner_pairs", "Each two robot partners beside each other."),
     "looks": ("looks.study", "Screenshots of every state of every window, and whether all text and keys are there."),
     "calibration": ("analysis.calibration", "False positive rate of the tests in simulated studies."),
