@@ -27,7 +27,7 @@ def check(
     from netboard.devices.triggers import registry as trigger_boxes
     from netboard.network.keys import require_keys
     from netboard.nodes.server.blocks import unrelated_in
-    from netboard.participants.seat.partners import require_known
+    from netboard.participants.seat.partners import partners_of
     from netboard.recording.format.disk import require_writable
     from netboard.stage.stage import make_stage
     from netboard.windows.participant.language import load_words
@@ -37,7 +37,7 @@ def check(
     problems = []
     for one in (
         lambda: make_stage(settings),
-        lambda: require_known(settings),
+        lambda: partners_of(settings),
         lambda: registry.check(settings),
         lambda: trigger_boxes.require_known(settings.triggers),
         lambda: require_profiles(Path(settings.agents.profiles)),

@@ -16,7 +16,7 @@ from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require, wo
 from netboard.base.tables.experiment import Block
 from netboard.base.tables.forces import FORCES, ForceInputs
 from netboard.base.tables.scene import Physics
-from netboard.participants.seat.partners import problems_of, require_known
+from netboard.participants.seat.partners import partners_of, problems_of
 from netboard.physics.scene.parameters import parts_of
 from netboard.physics.scene.rendering import GAINS, Rendering, force_on_hand, rendering_of
 from netboard.stage.stage import make_stage
@@ -93,7 +93,7 @@ def test_unknown_extrapolation_is_refused() -> None:
 def test_unknown_partner_is_refused() -> None:
     config = replace(Config(), block=block(left="made_up"))
     with pytest.raises(ConfigError, match=r"no robot partner 'made_up'; it has: .*robot"):
-        require_known(config)
+        partners_of(config)
     (problem,) = problems_of([config, config])
     assert problem.startswith("block 1 (): this machine has no robot partner 'made_up'")
 

@@ -10,6 +10,7 @@ import pytest
 from stepped_session import SteppedSession
 
 import rehearsed
+from made_network import noted_text
 from netboard.base.config import SIDES, Config, parse, resolve
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tables.questionnaires import ANSWERS, PERSON_FORM, Form, packed
@@ -265,3 +266,23 @@ def test_console_of_a_replay_is_told_all() -> None:
     text = resolve(config)
     assert unblinded(config, text).shown["console"] == text
     assert unblinded(config, text).shown["display.left"] == texts_of(config).shown["display.left"] != text
+
+
+@pytest.mark.parametrize("blinded", [True, False])
+def test_block_waits_for_the_partner_of_the_study_not_only_for_its_name(tmp_path: Path, blinded: bool) -> None:
+    """Another file of weights at the agent, or parameters of the block before, make it another partner."""
+    study = STUDY.format(kind="learned", blinded=str(blinded).lower())
+    with sockets.open_context() as context:
+        session = SteppedSession(tmp_path, context, study=study)
+        session.state.ports.motion.expire = lambda now_ns: None  # type: ignore[method-assign]
+        config = session.state.block.config
+        (tmp_path / "other.json").write_text(noted_text("other"))
+        other = {"weights": str(tmp_path / "other.json")}
+        _join(session, partner_device("learned", replace(config, partners=replace(config.partners, right=other))))
+        words = "the right agent" + " to seat the robot partner learned with the parameters and files of the server" * (
+            not blinded
+        )
+        assert words in session.state.find_missing()
+        _join(session, partner_device("learned", config))
+        assert not [words for words in session.state.find_missing() if "right agent" in words]
+        session.close()

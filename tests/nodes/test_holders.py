@@ -1,21 +1,25 @@
 """The holder that an agent serves in a block: its own device, or that of the block's robot partner."""
 
 import logging
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from made_network import noted_text
 from netboard.base.config import Config, parse, resolve
+from netboard.base.errors import ConfigError
 from netboard.devices.simulated.partner import RobotPartner
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.agent import introduction
 from netboard.nodes.agent.holders import Holder, Holders, holder_of
+from netboard.nodes.agent.stylus_source import PartnerSource
+from netboard.participants.robots.network import sha256_of
 
-TIMEOUT = 60.0
+TIMEOUT = 600.0
 """Timeout, far above the usual time [s]."""
 
 
@@ -38,15 +42,12 @@ def holders(config: Config) -> Iterator[Holders]:
 def chosen(config: Config, holders: Holders) -> Callable[..., Holder | None]:
     """Returns the holder of a block whose right hand is somebody's; None if it cannot be made."""
 
-    def begin(mover: str, **parameters: float) -> Holder | None:
+    def begin(mover: str, **parameters: float | str) -> Holder | None:
         partners = replace(config.partners, right=parameters)
         holders.begin(resolve(replace(config, block=replace(config.block, right=mover), partners=partners)))
-        until = time.monotonic() + TIMEOUT
-        while holders._coming is not None:
-            assert time.monotonic() < until
-            if (found := holders.chosen()) is not None:
-                return found
-        return None
+        assert holders._coming is not None
+        holders._coming.exception(TIMEOUT)
+        return holders.chosen()
 
     return begin
 
@@ -77,6 +78,44 @@ def test_partner_has_the_parameters_of_the_block(chosen: Callable[..., Holder | 
     assert found[0] is found[2] is not found[1]
     texts = [holder.identity["policy_parameters"] for holder in found if holder is not None]
     assert ['"initiative": 0.2' in text for text in texts] == [True, False, True]
+
+
+def test_partner_of_a_file_that_has_changed_is_another_one(
+    chosen: Callable[..., Holder | None], tmp_path: Path
+) -> None:
+    path, found = tmp_path / "weights.json", []
+    for text in (noted_text("one"), noted_text("two"), noted_text("one")):
+        path.write_text(text)
+        holder = chosen("learned", weights=str(path))
+        assert holder is not None
+        assert sha256_of(text) in holder.identity["policy_parameters"]
+        found.append(holder)
+    assert found[0] is found[2] is not found[1]
+
+
+def test_partner_is_not_played_with_a_file_that_has_changed_since(
+    config: Config, holders: Holders, chosen: Callable[..., Holder | None], tmp_path: Path
+) -> None:
+    """The recording would say the SHA-256 of the file before. A robot partner of the block gets another holder."""
+    path = tmp_path / "weights.json"
+    path.write_text(noted_text("one"))
+    holder = chosen("learned", weights=str(path))
+    assert holder is not None
+    before = dict(holder.identity)
+    path.write_text(noted_text("two"))
+    source = holder.source
+    assert isinstance(source, PartnerSource)
+    for mover in ("learned", "person"):
+        partners = replace(config.partners, right={"weights": str(path)})
+        source.begin(resolve(replace(config, block=replace(config.block, right=mover), partners=partners)))
+        assert source._coming is not None
+        source._coming.exception(TIMEOUT)
+        if mover == "learned":
+            source.step(0, haptics=True)
+        else:
+            with pytest.raises(ConfigError, match="has changed since this agent was started; start it again"):
+                source.step(0, haptics=True)
+        assert holder.identity == before
 
 
 def test_unknown_partner_is_reported_and_the_device_stays(

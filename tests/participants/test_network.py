@@ -114,6 +114,16 @@ def test_sha256_is_that_of_the_file(tmp_path: Path) -> None:
     assert read_weights(str(tmp_path / "weights.json"))[1] == sha256_of(text)
 
 
+def test_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
+    """An agent lives longer than a session, before which its partner may be trained again."""
+    path = tmp_path / "weights.json"
+    for seed in (1, 2):
+        path.write_text(made_text(seed))
+        network, sha256 = read_weights(str(path))
+        assert sha256 == sha256_of(made_text(seed))
+        assert network.layers[0][0].tolist() == made_network(seed).layers[0][0].tolist()
+
+
 STILL, SAME = resting_boards(0.25, 200.0, 200.0, 9.81)
 GAINS = NetworkGains(0.0, 0.0, -20.0 * 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Of a hand that only levels the board, at 20/s: the tilt decays as exp(-20 c t)."""

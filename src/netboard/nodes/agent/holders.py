@@ -20,6 +20,7 @@ from netboard.devices.safety.chain import SafetyChain
 from netboard.devices.simulated.partner import BACKEND, RobotPartner
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.stylus_source import PartnerSource, block_of
+from netboard.participants.seat.partners import make_partner
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +73,7 @@ class Holders:
 
     def __init__(self, side: Side, own: Holder, context: sockets.Context) -> None:
         self._side, self._own, self._context = side, own, context
-        self._partners: dict[tuple[str, str], Holder] = {}  # by name and parameters
+        self._partners: dict[tuple[str, str], Holder] = {}  # by name and identity
         self._reader = ThreadPoolExecutor(1, "holder", beside_loop)
         self._coming: Future[tuple[Holder, bool]] | None = None
         self.blinded = False  # whether operators may not see who holds the stylus in the newest block
@@ -117,7 +118,8 @@ class Holders:
         mover = getattr(config.block, self._side)
         if mover in (PERSON, STILL):
             return self._own
-        key = mover, repr(sorted(config.partners.of(self._side).items()))  # what is recorded of a holder never changes
+        # What is recorded of a holder never changes: with other parameters, or another file, it is another one.
+        key = mover, repr(sorted(make_partner(mover, config, self._side).identity.items()))
         if key not in self._partners:
             self._partners[key] = self._seated(mover, config)
         return self._partners[key]

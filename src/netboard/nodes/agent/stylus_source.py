@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side, parse
-from netboard.base.errors import WireError
+from netboard.base.errors import ConfigError, WireError
 from netboard.base.process.realtime import beside_loop
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.devices.contract.device import Device
@@ -242,9 +242,8 @@ class PartnerSource:
         """Take the newest view."""
         self._device.live(now_ns)
         if self._coming is not None and self._coming.done():
-            self._config, policy, state = self._coming.result()
-            self._coming, self._scales = None, force_scales(self._config)
-            self._device.play(policy, state)
+            coming, self._coming = self._coming, None
+            self._enter(*coming.result())
         if self._device.fault != self._fault:
             self._fault = self._device.fault
             if self._fault:
@@ -253,6 +252,17 @@ class PartnerSource:
         if self._views.glimpse is not None:
             write_glimpse(self._views.glimpse, self._device.observation["seen"])
         self._device.tell(self._scale() if haptics else 0.0)
+
+    def _enter(self, config: Config, policy: Policy, state: NDArray[Any]) -> None:
+        """Enter a block with the partner that the recording names; a robot partner of the block has another holder."""
+        if policy.identity == self.identity:
+            self._config, self._scales = config, force_scales(config)
+            self._device.play(policy, state)
+        elif getattr(config.block, self._device.side) in (PERSON, STILL):
+            raise ConfigError(
+                f"the file of the partner at the {self._device.side} device has changed since this agent was started; "
+                "start it again"
+            )
 
     def _scale(self) -> float:
         """Return the factor of the force in the trial that is shown; 0 if the force tells nothing [1]."""

@@ -1,6 +1,6 @@
 """The blocks of a session, prepared before its first tick so that nothing is compiled while a hand holds a stylus."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from netboard.nodes.ports.latency import LatencySupervisor
 from netboard.nodes.ports.welcomes import BlockTexts, texts_of
 from netboard.nodes.server.server_runs import run_of
 from netboard.nodes.server.still_hand import fill_still
-from netboard.participants.seat.partners import require_known
+from netboard.participants.policy import SIMULATED_PARTICIPANT, Policy
+from netboard.participants.seat.partners import partners_of
 from netboard.recording.files.reader import Recording
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.stage import Stage, make_stage
@@ -35,6 +36,7 @@ class PreparedBlock:
     ends: Any
     people: tuple[Side, ...]  # sides of persons
     moved: tuple[Side, ...]  # sides whose hand an agent moves: those of persons and of robot partners
+    partners: Mapping[Side, str]  # the SHA-256 of each robot partner's identity, if the server knows it
     still: tuple[Side, ...]  # sides whose hand is held still
     unrelated: Unrelated | None
     run: Callable[..., int] | None  # its undisturbed ticks, if the block can have some
@@ -98,7 +100,6 @@ class BlockSequence:
 def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> PreparedBlock:
     stage = make_stage(config)
     stage.warm()
-    require_known(config)
     movers = {side: getattr(config.block, side) for side in SIDES}
     still = tuple(side for side in SIDES if movers[side] == STILL)
     scene = config.physics, config.virtual, config.network.delay_action
@@ -115,10 +116,16 @@ def _prepared(config: Config, supervisors: dict[Any, LatencySupervisor]) -> Prep
         ends=samples.ends_of(config.physics) if both else None,
         people=tuple(side for side in SIDES if movers[side] == PERSON),
         moved=tuple(side for side in SIDES if side not in still),
+        partners={side: _sha256_of(partner) for side, partner in partners_of(config).items()},
         still=still,
         unrelated=unrelated_in(config.block.unrelated) if config.block.unrelated else None,
         run=run_of(stage) if plain else None,
     )
+
+
+def _sha256_of(partner: Policy) -> str:
+    """Return the SHA-256 of a partner's identity; empty for a simulated participant, whose table is the agent's own."""
+    return "" if partner.kind == SIMULATED_PARTICIPANT else partner.identity.get("policy_sha256", "")
 
 
 def unrelated_in(path: str) -> Unrelated:

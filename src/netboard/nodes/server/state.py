@@ -172,12 +172,17 @@ class SessionState:
         return tuple(lacking)
 
     def _missing_partners(self) -> Iterator[str]:
-        """Yield the robot partners of the block that the agents at their sides do not hold yet."""
-        for side in self.block.curtain.partners:
+        """Yield the robot partners of the block that the agents at their sides do not hold yet, or not as here."""
+        blinded = self.block.config.block.blinded
+        for side, sha256 in self.block.partners.items():
             wanted, hello = getattr(self.block.config.block, side), self.ports.motion.agents[side].hello
-            if hello is not None and hello.details.get("partner") != wanted:
-                blinded = self.block.config.block.blinded
-                yield f"the {side} agent" if blinded else f"the {side} agent to seat the robot partner {wanted}"
+            if hello is None:
+                continue
+            words = "" if blinded else f" to seat the robot partner {wanted}"
+            if hello.details.get("partner") != wanted:
+                yield f"the {side} agent{words}"
+            elif sha256 and hello.details.get("policy_sha256") != sha256:
+                yield f"the {side} agent{words and words + ' with the parameters and files of the server'}"
 
     @property
     def loss(self) -> str:

@@ -10,7 +10,7 @@ that is trained with it does the same as a `Learned` partner.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from importlib.resources import files
 from typing import Annotated, Any, final
 
@@ -160,11 +160,10 @@ def _decide_told(state: np.void, k: np.void, observation: np.void, actions: NDAr
         _sense(state, k, observation, active, state["inputs"])
 
 
-@cache
 def read_weights(source: str) -> tuple[TrainedNetwork, str]:
     """Read a file of weights, or those that come with netboard, by their name; return them and the file's SHA-256.
 
-    A process reads a file once: a partner is the same in all blocks of a session.
+    The file is read each time, because an agent lives longer than a session, before which it may be trained again.
 
     Raises
     ------
@@ -174,6 +173,11 @@ def read_weights(source: str) -> tuple[TrainedNetwork, str]:
     missing = f"no such file; expected the weights.json of netboard train, or {PACKAGED}"
     packaged = files(__package__) / f"{PACKAGED}.json"
     text = packaged.read_text(encoding="utf-8") if source == PACKAGED else read_text(source, missing)
+    return _parsed(text, source)
+
+
+@lru_cache(maxsize=4)
+def _parsed(text: str, source: str) -> tuple[TrainedNetwork, str]:
     return parse_network(text, source, INPUTS, PERIOD), sha256_of(text)
 
 

@@ -34,11 +34,10 @@ def names() -> tuple[str, ...]:
     return plugins.names(GROUP, POLICIES)
 
 
-def require_known(config: Config) -> None:
-    """Refuse a block whose robot partners this machine does not have, or cannot make."""
-    for side, mover in zip(SIDES, (config.block.left, config.block.right), strict=True):
-        if mover not in (PERSON, STILL):
-            make_partner(mover, config, side)
+def partners_of(config: Config) -> dict[Side, Policy]:
+    """Return the robot partners of a block; refuse one that this machine does not have, or cannot make."""
+    movers = {side: getattr(config.block, side) for side in SIDES}
+    return {side: make_partner(name, config, side) for side, name in movers.items() if name not in (PERSON, STILL)}
 
 
 def problems_of(configs: Iterable[Config]) -> list[str]:
@@ -46,7 +45,7 @@ def problems_of(configs: Iterable[Config]) -> list[str]:
     found: dict[str, str] = {}
     for config in configs:
         try:
-            require_known(config)
+            partners_of(config)
         except ConfigError as error:
             found.setdefault(str(error), f"block {config.block.number} ({config.block.label}): {error}")
     return list(found.values())
