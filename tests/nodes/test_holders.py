@@ -80,6 +80,20 @@ def test_partner_has_the_parameters_of_the_block(chosen: Callable[..., Holder | 
     assert ['"initiative": 0.2' in text for text in texts] == [True, False, True]
 
 
+def test_block_of_another_partner_does_not_end_the_agent(config: Config, chosen: Callable[..., Holder | None]) -> None:
+    """Until the next partner is seated, the one before gets its block, with parameters that it does not have."""
+    holder = chosen("follower", initiative=0.2)
+    assert holder is not None
+    source = holder.source
+    assert isinstance(source, PartnerSource)
+    partners = replace(config.partners, right={"weights": "learned"})
+    source.begin(resolve(replace(config, block=replace(config.block, right="learned"), partners=partners)))
+    assert source._coming is not None
+    source._coming.exception(TIMEOUT)
+    source.step(0, haptics=True)
+    assert '"initiative": 0.2' in holder.identity["policy_parameters"]
+
+
 def test_partner_of_a_file_that_has_changed_is_another_one(
     chosen: Callable[..., Holder | None], tmp_path: Path
 ) -> None:

@@ -188,6 +188,7 @@ class PartnerDevice(Protocol):
     """A device whose stylus a robot partner holds."""
 
     side: Side
+    partner: str  # its name
     identity: Mapping[str, str]
     observation: NDArray[Any]
 
@@ -218,7 +219,7 @@ class PartnerSource:
         where = keys.reach(config.network, f"agent.{device.side}")
         self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channel)))
         self._reader = ThreadPoolExecutor(1, "configuration", beside_loop)
-        self._coming: Future[tuple[Config, Policy, NDArray[Any]]] | None = None
+        self._coming: Future[tuple[Config, Policy, NDArray[Any]] | None] | None = None
         self._config, self._device = config, device
         self._scales = force_scales(config)
         self._fault = ""
@@ -242,8 +243,9 @@ class PartnerSource:
         """Take the newest view."""
         self._device.live(now_ns)
         if self._coming is not None and self._coming.done():
-            coming, self._coming = self._coming, None
-            self._enter(*coming.result())
+            coming, self._coming = self._coming.result(), None
+            if coming is not None:
+                self._enter(*coming)
         if self._device.fault != self._fault:
             self._fault = self._device.fault
             if self._fault:
@@ -271,8 +273,11 @@ class PartnerSource:
             return 0.0
         return self._scales[(trial - 1) % len(self._scales)]
 
-    def _prepare(self, text: str) -> tuple[Config, Policy, NDArray[Any]]:
+    def _prepare(self, text: str) -> tuple[Config, Policy, NDArray[Any]] | None:
+        """Return the partner for a block; None if another one is to hold the stylus, with parameters of its own."""
         config = block_of(self._config, text)
+        if getattr(config.block, self._device.side) not in (PERSON, STILL, self._device.partner):
+            return None
         return config, *self._device.prepared(config)
 
 
