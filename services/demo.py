@@ -19,6 +19,7 @@ from netboard.services.options import (
     examples,
     partner_settings,
 )
+from netboard.services.up import blocks_of_session
 
 app = typer.Typer()
 
@@ -71,10 +72,14 @@ def demo(
         load_study(study)  # refused before any process starts
         demo_options.append("session.pilot=true")
     settings = load(config, [*demo_options, *(overrides or ())], "the options of netboard demo")
+    from netboard.base.config import SIDES
+    from netboard.nodes.launching.kernels import compile_kernels
     from netboard.nodes.operator.demo import run
     from netboard.nodes.server.planned import StudySession
 
-    options = [] if study is None else [*StudySession(study, dyad, 1, seed, blocks, trials).options, "--autostart"]
+    wanted = None if study is None else StudySession(study, dyad, 1, seed, blocks, trials)
+    compile_kernels(settings, blocks_of_session(settings, wanted), SIDES)
+    options = [] if wanted is None else [*wanted.options, "--autostart"]
     raise typer.Exit(run(settings, displays=displays, study=options))
 
 

@@ -8,15 +8,19 @@ import errno
 import logging
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
 
+from netboard.base.compilation import compilation
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.system.c_library import has_reader
 from netboard.base.terminal.errors import print_error
 from netboard.services.values import read_strictly
+
+if TYPE_CHECKING:
+    from netboard.base.terminal.compiling import CompilationBar
 
 IMPORTED_AS = {
     "PIL": "pillow",
@@ -34,6 +38,9 @@ PYDANTIC = "Value error, "
 """What pydantic, by which typer checks a choice, writes before the message."""
 
 OK, FAULT, WRONG = 0, 1, 2
+
+KERNELS = {"server": 110, "agent": 117}
+"""Kernels that a command compiles with an empty cache, about [1]."""
 
 
 class Guarded(TyperGroup):
@@ -58,7 +65,8 @@ class Guarded(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""
         try:
-            return _unhidden(super().invoke, ctx)
+            with compilation.watched(lambda: _bar_of(ctx.invoked_subcommand)):
+                return _unhidden(super().invoke, ctx)
         except (NetboardError, OSError, ImportError, MemoryError) as error:
             words, code = expected(error)
             if ctx.params["debug"] or not words:
@@ -72,6 +80,13 @@ class Guarded(TyperGroup):
             handler.flush()  # the error is the last line
         print_error(words)
         raise typer.Exit(code)
+
+
+def _bar_of(command: str | None) -> "CompilationBar":
+    """Return what shows that a command compiles."""
+    from netboard.base.terminal.compiling import CompilationBar
+
+    return CompilationBar(KERNELS.get(command or "", 0))
 
 
 def _unhidden(run: Callable[[Any], Any], ctx: Any) -> Any:

@@ -85,7 +85,7 @@ def server(
 
     authenticators = [keys.make_authenticator(one.network) for one in settings]
     log_to_stderr("server")
-    log.info("preparing every block; after an installation or an update this compiles code, for up to a minute")
+    log.info("preparing every block")
     if study is None or found is None:
         single_blocks = [_single_block(one) for one in settings]
         raise typer.Exit(

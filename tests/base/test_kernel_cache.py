@@ -196,3 +196,24 @@ def test_sealed_content_comes_back_and_no_shortened_or_changed_one(content: byte
     for place in range(len(whole)):
         with pytest.raises(Damaged, match="was changed"):
             unsealed(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+
+
+WATCHED = """
+class Watcher:
+    def compiled(self, count):
+        print(count, end=" ")
+    def rests(self):
+        print("rests")
+with compilation.watched(Watcher):
+    outer(1.0), outer(1.0)
+outer(1)
+"""
+
+
+@pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
+def test_watcher_is_told_of_kernels_that_are_compiled_and_of_nothing_that_is_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "watched.py"
+    kernels = SCRIPT.replace("print(outer(1.0), sum(outer.stats.cache_hits.values()))", WATCHED)
+    path.write_text(f"from netboard.base.compilation import compilation{kernels}", encoding="utf-8")
+    assert run(path, tmp_path / "cache") == ("0 0 1 2 rests", ""), "outer begins, inner begins and ends, outer ends"
+    assert run(path, tmp_path / "cache") == ("", "")

@@ -23,6 +23,7 @@ from numba.core.typing.templates import Signature
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
+from netboard.base.compilation import compilation
 from netboard.base.kernel_cache import MADE_WITH, KernelCache, identity, locked
 
 P = ParamSpec("P")
@@ -96,7 +97,7 @@ def _cached(compiled: Any) -> Any:
         if signature in compiled.overloads:
             return compile_now(signature)
         # Take Numba's lock first, so that no thread that holds it can wait for this thread's file lock.
-        with global_compiler_lock, locked(name):
+        with global_compiler_lock, locked(name), compilation.kernel():
             return compile_now(signature)
 
     compiled.compile = compile_once

@@ -35,6 +35,7 @@ from numba import types
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
+from netboard.base.compilation import compilation
 from netboard.base.errors import ConfigError
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
 from netboard.base.system.locks import lock
@@ -161,6 +162,13 @@ class KernelCache:
 
     def load_overload(self, signature: tuple[types.Type, ...], target: Any) -> Any:
         """Return the compiled code for these types; None if it must be compiled."""
+        found = self._found(signature, target)
+        if found is None:
+            compilation.begins()
+        return found
+
+    def _found(self, signature: tuple[types.Type, ...], target: Any) -> Any:
+        """Return the compiled code in the file for these types, if it is sound."""
         target.refresh()
         if not self._is_kept:
             return None
@@ -176,6 +184,7 @@ class KernelCache:
 
     def save_overload(self, signature: tuple[types.Type, ...], made: Any) -> None:
         """Keep compiled code, if the disk takes it."""
+        compilation.ends()
         if not self._is_kept:
             return
         if made.library.has_dynamic_globals:
@@ -276,6 +285,11 @@ def _warn_once(event: str, text: str) -> None:
     if event not in _WARNED:
         _WARNED.add(event)
         log.warning("%s", text)
+
+
+def count() -> int:
+    """Return how many kernels are in the cache [1]."""
+    return sum(1 for _ in folder().glob(f"*{SUFFIXES[0]}"))
 
 
 def examine() -> tuple[int, int, list[str]]:

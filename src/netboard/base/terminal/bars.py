@@ -17,6 +17,30 @@ from rich.progress import (
 
 from netboard.base.terminal.output import plain_console
 
+_shown: list[Progress] = []
+"""Bars that are on the terminal, the newest last."""
+
+
+def shown_bars() -> Progress | None:
+    """Return the bars that are on the terminal now; others would overwrite them."""
+    return _shown[-1] if _shown else None
+
+
+class _Bars(Progress):
+    """Bars that `shown_bars` finds."""
+
+    def start(self) -> None:
+        """Show them."""
+        if not self.disable:
+            _shown.append(self)
+        super().start()
+
+    def stop(self) -> None:
+        """Hide them."""
+        if self in _shown:
+            _shown.remove(self)
+        super().stop()
+
 
 def progress_bars(console: Console, *more: str | ProgressColumn, shown: bool = True) -> Progress:
     """Return progress bars with elapsed and remaining time, which disappear at the end; shown on a terminal only.
@@ -30,7 +54,7 @@ def progress_bars(console: Console, *more: str | ProgressColumn, shown: bool = T
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=console, transient=True, disable=not (shown and console.is_terminal))
+    return _Bars(*columns, console=console, transient=True, disable=not (shown and console.is_terminal))
 
 
 LINE_INTERVAL = 60.0

@@ -1,4 +1,4 @@
-"""What a session lacks before it can start: keys, folders, compiled kernels; found first, then created.
+"""What a session lacks before it can start: keys and folders; found first, then created.
 
 Each step says what is missing, and the command that does the same.
 """
@@ -7,13 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from netboard.base import kernel_cache
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import NetboardError, writing
 from netboard.base.terminal.shell import shell_command
 from netboard.network import keys
 from netboard.network.station_keys import STATION
-from netboard.nodes.server.blocks import BlockSequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +72,3 @@ def _key_step(folder: Path, peer: str, to: Path, missing: str, settings: Sequenc
 def _make(folder: Path) -> None:
     with writing(folder, NetboardError):
         folder.mkdir(parents=True)
-
-
-def compile_kernels(blocks: Sequence[Config]) -> int:
-    """Compile what these blocks need, for up to a minute the first time; return how many kernels were compiled."""
-    before, _, _ = kernel_cache.examine()
-    BlockSequence(blocks)
-    return kernel_cache.examine()[0] - before

@@ -20,8 +20,9 @@ from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.station import ProcessStatus
 from netboard.network.transport import sockets
+from netboard.nodes.launching.kernels import compile_kernels
 from netboard.nodes.launching.machines import LocalMachine, SessionMachine, log_folder
-from netboard.nodes.launching.preparation import compile_kernels, missing_steps
+from netboard.nodes.launching.preparation import missing_steps
 from netboard.nodes.launching.programs import PROGRAMS, process_name
 from netboard.nodes.launching.remote import RemoteMachine
 from netboard.nodes.launching.session import LaunchedSession, UnaskedEnd
@@ -52,9 +53,9 @@ def prepare(launch: Launch, say: Callable[[str, str], object]) -> None:
     for step in missing_steps(launch.config, launch.here, launch.settings):
         step.do()
         say(step.what, f"{step.missing}; created: {step.command}")
-    say("kernels", "being compiled if they are not yet, for up to a minute")
-    compiled = compile_kernels(launch.blocks)
-    say("kernels", f"{compiled} compiled" if compiled else "ready")
+    began, compiled = time.monotonic(), compile_kernels(launch.config, launch.blocks, launch.here)
+    took = f"{time.monotonic() - began:.0f} s"
+    say("kernels", f"{compiled} compiled in {took}, and kept for every later start" if compiled else "ready")
 
 
 def lines_on(console: Console) -> Callable[[str, str], object]:

@@ -25,7 +25,6 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
 from netboard.recording.integrity.verification import verify_recording
 from netboard.recording.replay.text import summary_of, summary_tables, verification_line
-from netboard.stage.stage import make_stage
 
 SCREENSHOT_DELAY_S = 8.0
 """Time after the first view at which a display's screenshot is taken [s]."""
@@ -62,8 +61,6 @@ def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> 
     began = time.monotonic()
     directory = Path(config.recording.directory).resolve()
     with Stopping() as stopping:
-        with console.status("compiling (only once)"):
-            make_stage(config).warm()
         try:
             directory.mkdir(parents=True, exist_ok=True)
             logs = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))

@@ -38,9 +38,8 @@ def rehearse_blocks(
         except OSError as error:
             raise NetboardError(f"{folder}: cannot be created: {error.strerror}") from error
     jobs = jobs_of(blocks, seed, dyad, folder, fast)
-    with console.status("compiling (only once)"):
-        for job in jobs:
-            next(Rehearsal(job.config, job.people).pieces(1))
+    for job in jobs:  # compiles before the time is taken
+        next(Rehearsal(job.config, job.people).pieces(1))
     began = time.perf_counter()
     results = in_parallel(jobs, workers) if workers > 1 else in_turn(jobs)
     took = time.perf_counter() - began

@@ -1,0 +1,69 @@
+"""How a first start shows that it compiles: a bar with the time left on a terminal, one line elsewhere.
+
+Nothing is shown when all kernels are in the cache. The time left is the number of kernels that are still expected,
+times what those of this run took; the largest come last, so it is rather too short than too long.
+"""
+
+import time
+
+from rich.progress import Progress, TaskID
+
+from netboard.base.plural import plural
+from netboard.base.terminal.bars import progress_bars, shown_bars
+from netboard.base.terminal.output import plain_console
+
+WORDS = "compiling kernels for this machine, once after an installation or an update"
+
+FIRST_LINE_S = 2.0
+"""Time after which a line without a bar says how long it will take: by then some kernels have been measured [s]."""
+
+
+class CompilationBar:
+    """Shows a compilation on stderr. ``expected``: number of kernels with an empty cache; 0 if it is not known [1]."""
+
+    def __init__(self, expected: int = 0) -> None:
+        self._expected = expected
+        self._console = plain_console(stderr=True, soft_wrap=True)
+        self._bars: Progress | None = None
+        self._task = TaskID(0)
+        self._spent = 0.0  # before the last rest [s]
+        self._since: float | None = None  # when the compilation that goes on began
+        self._said = False
+
+    def compiled(self, count: int) -> None:
+        """Show the number of kernels compiled so far [1]."""
+        now = time.monotonic()
+        if self._since is None:
+            self._since = now
+        others = shown_bars()
+        if self._console.is_terminal and others in (None, self._bars):
+            self._advance(count)
+        elif not self._said and (seconds := self._spent + now - self._since) >= FIRST_LINE_S:
+            self._said = True
+            console = self._console if others is None else others.console  # which prints above its bars
+            console.print(self.line(count, seconds), soft_wrap=True)
+
+    def rests(self) -> None:
+        """Hide the bar; other output may follow."""
+        if self._since is not None:
+            self._spent += time.monotonic() - self._since
+            self._since = None
+        if self._bars is not None:
+            self._bars.stop()
+
+    def line(self, count: int, seconds: float) -> str:
+        """Return in words what is done, what is left, and about how long that takes."""
+        done = f"{WORDS}: {plural(count, 'kernel')} took {seconds:.0f} s"
+        left = self._expected - count
+        return f"{done}, about {left} are left: {seconds / count * left:.0f} s" if left > 0 and count else done
+
+    def _advance(self, count: int) -> None:
+        """Draw the bar; its end moves if there are more kernels than expected."""
+        total = max(self._expected, count + 1) if self._expected else None
+        if self._bars is None:
+            self._console.print(WORDS)
+            self._bars = progress_bars(self._console, "of about {task.total}" if total else "")
+            self._task = self._bars.add_task("", total=total)
+        if self._bars is not shown_bars():
+            self._bars.start()
+        self._bars.update(self._task, description=plural(count, "kernel"), completed=count, total=total)

@@ -1,0 +1,100 @@
+"""The kernels that the processes of a session need, compiled before they start, in a process each.
+
+A process compiles a kernel as it makes what calls it. So a server with its blocks and an agent at each side run
+here once, on this machine alone, and stop at once. Displays, logger and console have no kernels. A haptic device is not
+opened: the kernels of its own access are compiled at the first start with it.
+"""
+
+import hashlib
+import logging
+from collections.abc import Sequence
+from concurrent.futures import Future, wait
+from contextlib import suppress
+from dataclasses import replace
+from tempfile import TemporaryDirectory
+
+from netboard.base import kernel_cache
+from netboard.base.config import Config, Side, resolve
+from netboard.base.device_kind import DeviceKind
+from netboard.base.process.workers import terminate_workers, worker_processes
+from netboard.base.tables.rig import Agent
+from netboard.base.terminal.compiling import CompilationBar
+from netboard.devices.contract import registry
+from netboard.network.transport import sockets
+from netboard.network.transport.ports import free_port
+from netboard.nodes.agent.agent import AgentNode
+from netboard.nodes.agent.stylus_source import stylus_source_of
+from netboard.nodes.server.attempts import Attempts
+from netboard.nodes.server.blocks import BlockSequence
+from netboard.nodes.server.server import Server
+
+EXPECTED = 230
+"""Kernels of a session with simulated devices and one kind of block; each other device or model adds some [1]."""
+
+INTERVAL_S = 0.2
+"""Interval at which the kernels are counted [s]."""
+
+OPENED = (DeviceKind.SIMULATED, DeviceKind.ROBOT)
+"""Kinds of devices that are opened to compile their kernels, because nobody holds them."""
+
+
+def compile_kernels(config: Config, blocks: Sequence[Config], here: Sequence[Side]) -> int:
+    """Compile what a session of these blocks needs on this machine, with a bar; return how many kernels were compiled.
+
+    ``here``: sides whose agent runs here.
+    """
+    done = kernel_cache.folder() / _name_of(config, blocks, here)
+    if done.exists():
+        return 0
+    before, bar, pool = kernel_cache.count(), CompilationBar(EXPECTED), worker_processes(2)
+    try:
+        tasks = [pool.submit(_run_server, list(blocks)), pool.submit(_run_agents, config, tuple(here))]
+        while not _are_over(tasks):
+            if made := kernel_cache.count() - before:
+                bar.compiled(made)
+    finally:
+        bar.rests()
+        terminate_workers(pool)
+    with suppress(OSError):  # a full disk, or a cache of another user: the next start looks again
+        done.touch()
+    return kernel_cache.count() - before
+
+
+def _name_of(config: Config, blocks: Sequence[Config], here: Sequence[Side]) -> str:
+    """Return the name of the file that says that a session's kernels are in the cache."""
+    text = "\n".join((*here, *map(resolve, (config, *blocks))))
+    return f"session-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def _are_over(tasks: Sequence[Future[None]]) -> bool:
+    """Wait a little; return whether all tasks have ended, and raise what one has raised."""
+    done, left = wait(tasks, INTERVAL_S)
+    for task in done:
+        task.result()
+    return not left
+
+
+def _alone(config: Config, folder: str) -> Config:
+    """Restrict a configuration to this machine, with ports and a folder that nothing else uses."""
+    network = replace(config.network, host="127.0.0.1", bind="127.0.0.1", port=free_port())
+    return replace(config, network=network, recording=replace(config.recording, directory=folder))
+
+
+def _run_server(blocks: list[Config]) -> None:
+    """Run a server with these blocks that is to stop at once."""
+    logging.disable()  # nothing of this session concerns anybody
+    with TemporaryDirectory() as folder, sockets.open_context() as context:
+        sequence = BlockSequence([_alone(block, folder) for block in blocks])
+        Server([(sequence, Attempts())], context, [None], autostart=False).run(lambda: True, {})
+
+
+def _run_agents(config: Config, sides: Sequence[Side]) -> None:
+    """Run the agents of these sides, which are to stop at once."""
+    logging.disable()
+    for side in sides:
+        with TemporaryDirectory() as folder, sockets.open_context() as context:
+            alone = _alone(config, folder)
+            if registry.kind_of(alone.agents.of(side).device) not in OPENED:
+                alone = replace(alone, agents=replace(alone.agents, **{side: Agent()}))  # a simulated device
+            with registry.make(side, alone) as device:
+                AgentNode(alone, side, device, context, stylus_source_of(alone, device, context)).run(lambda: True)

@@ -1,0 +1,78 @@
+"""What a first start shows while it compiles: a bar on a terminal, one line elsewhere, one line above other bars."""
+
+from collections.abc import Iterator
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from netboard.base.terminal import compiling
+from netboard.base.terminal.bars import progress_bars, shown_bars
+from netboard.base.terminal.compiling import WORDS, CompilationBar
+
+
+def made(monkeypatch: pytest.MonkeyPatch, *, terminal: bool, expected: int = 100) -> tuple[CompilationBar, Console]:
+    """Return a bar and its console; each look at the clock is one second later."""
+    console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True)
+    seconds: Iterator[float] = iter(range(1000))
+    monkeypatch.setattr(compiling, "plain_console", lambda **options: console)
+    monkeypatch.setattr(compiling.time, "monotonic", lambda: next(seconds))
+    return CompilationBar(expected), console
+
+
+def test_without_a_terminal_one_line_says_how_many_and_how_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar, console = made(monkeypatch, terminal=False)
+    for count in range(20):
+        bar.compiled(count)
+    bar.rests()
+    assert console.export_text() == f"{WORDS}: 2 kernels took 2 s, about 98 are left: 98 s\n"
+
+
+def test_short_compilation_has_no_line_and_time_between_two_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar, console = made(monkeypatch, terminal=False)
+    bar.compiled(0)
+    bar.rests()
+    for _ in range(50):
+        compiling.time.monotonic()
+    bar.compiled(1)
+    assert console.export_text() == ""
+    bar.compiled(2)
+    assert "2 kernels took 2 s" in console.export_text()
+
+
+@pytest.mark.parametrize("expected", [0, 2])
+def test_number_that_is_unknown_or_exceeded_promises_nothing(monkeypatch: pytest.MonkeyPatch, expected: int) -> None:
+    bar, console = made(monkeypatch, terminal=False, expected=expected)
+    for count in range(5):
+        bar.compiled(count)
+    assert console.export_text() == f"{WORDS}: 2 kernels took 2 s\n"
+
+
+def test_on_a_terminal_a_bar_appears_and_leaves_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar, console = made(monkeypatch, terminal=True)
+    bar.compiled(3)
+    shown = shown_bars()
+    assert shown is not None
+    assert shown.tasks[0].total == 100
+    bar.compiled(100)
+    assert (shown.tasks[0].completed, shown.tasks[0].total) == (100, 101), "it is not over before it rests"
+    bar.rests()
+    assert shown_bars() is None
+    bar.compiled(101)
+    assert shown_bars() is shown
+    bar.rests()
+    output = console.export_text()
+    assert output.count(WORDS) == 1
+    assert "100 kernels" in output
+    assert "of about 101" in output
+
+
+def test_line_is_printed_above_the_bars_of_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar, console = made(monkeypatch, terminal=True)
+    with progress_bars(console) as others:
+        others.add_task("studies")
+        for count in range(5):
+            bar.compiled(count)
+        bar.rests()
+        assert shown_bars() is others
+    assert f"{WORDS}: 2 kernels took 2 s, about 98 are left: 98 s\n" in console.export_text()
