@@ -11,9 +11,10 @@ from fake_dhd import OMEGA, PATIENCE_S, SIGMA, FakeDhd
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
+from netboard.base.system import c_library
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Box, Device, Found, Reading
-from netboard.devices.force_dimension import api
+from netboard.devices.force_dimension import api, servo
 from netboard.devices.force_dimension import device as force_dimension
 from netboard.devices.force_dimension.api import DhdError, ForceOff
 from netboard.devices.force_dimension.device import MODELS, REST_NS, ForceDimension
@@ -383,3 +384,16 @@ def test_forces_that_a_person_switches_off_stay_off(dhd: FakeDhd, open_device: O
 
 def test_backend_is_registered() -> None:
     assert registry.find("force_dimension") is ForceDimension
+
+
+def test_on_windows_the_device_is_refused_in_words_and_released(
+    dhd: FakeDhd, open_device: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    servo.compiled.cache_clear()
+    monkeypatch.setattr(c_library, "HAS_POSIX", False)
+    said = "the servo of Force Dimension devices is not for Windows: .*; connect the device to a computer with Linux"
+    with pytest.raises(DeviceNotFound, match=said):
+        open_device()
+    monkeypatch.undo()
+    assert not api.load(dhd.path).open_here
+    servo.compiled.cache_clear()

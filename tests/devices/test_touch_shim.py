@@ -10,6 +10,7 @@ import pytest
 
 from libhd import FIRST, Fake, make_device
 from netboard.base.errors import DeviceNotFound
+from netboard.base.system import c_library
 from netboard.devices.touch import library as touch_library
 from netboard.devices.touch import shim
 from netboard.devices.touch.api import ERRORS_LOST, Error
@@ -145,6 +146,22 @@ def test_default_servo_is_in_python_without_a_compiler(
     assert device.compiled is None
     assert "run in Python, which is slower: no compiler" in caplog.text
     device.close()
+
+
+def test_on_windows_the_servo_is_in_python_whatever_compiler_is_there(
+    fake: Fake, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    shim.shim.cache_clear()
+    monkeypatch.setattr(c_library, "HAS_POSIX", False)
+    monkeypatch.setenv("CC", sys.executable)  # not run: it would compile nothing
+    device = make_device(fake)
+    assert device.open().details["servo"] == "python"
+    assert device.compiled is None
+    said = "the servo callback in C is not for Windows: it uses the clock and the threads of POSIX"
+    assert f"run in Python, which is slower: {said}" in caplog.text
+    device.close()
+    with pytest.raises(DeviceNotFound, match=f'{said}; connect .* Linux, or set the option servo = "python"'):
+        make_device(fake, servo="c").open()
 
 
 @pytest.mark.parametrize("kind", [None, PythonServo, shim.ShimServo])

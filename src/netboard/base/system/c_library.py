@@ -11,6 +11,9 @@ from collections.abc import Callable
 if sys.platform != "win32":
     import resource
 
+HAS_POSIX = sys.platform != "win32"
+"""Whether C code finds POSIX's clock, which is Python's monotonic one, and POSIX's threads; Windows has others."""
+
 _KEEP_SIZE = 1  # FALLOC_FL_KEEP_SIZE of Linux: the file does not grow, so a reader finds no zeros at its end
 
 

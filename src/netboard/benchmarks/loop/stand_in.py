@@ -22,7 +22,7 @@ from netboard.base.errors import NetboardError
 from netboard.devices.contract import registry
 from netboard.devices.contract.access import CompiledAccess, Fields
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
-from netboard.devices.servo.compiling import INSTALL_HINT, CannotCompile, compiled_library
+from netboard.devices.servo.compiling import CannotCompile, compiled_library
 from netboard.devices.touch import access
 from netboard.devices.touch.device import OpenHaptics
 
@@ -84,7 +84,7 @@ def with_device(config: Config, device: DeviceName) -> Config:
     try:
         library = str(compiled_library(kernel_cache.folder(), SOURCE, *FLAGS))
     except CannotCompile as error:
-        raise NetboardError(f"the stand-in for the library of a Touch {error}; {INSTALL_HINT}") from error
+        raise NetboardError(f"the stand-in for the library of a Touch {error}; {error.advice}") from error
     left, right = (
         replace(agent, device="openhaptics", options={"library": library, "name": name, "servo": "c"})
         for agent, name in ((config.agents.left, "Default Device"), (config.agents.right, "Right Device"))

@@ -19,7 +19,7 @@ from netboard.base import kernel_cache
 from netboard.base.errors import DeviceNotFound
 from netboard.base.system.monotonic import monotonic_ns
 from netboard.devices.force_dimension.api import Dhd
-from netboard.devices.servo.compiling import INSTALL_HINT, CannotCompile, compiled_library
+from netboard.devices.servo.compiling import CannotCompile, compiled_library
 
 SOURCE = Path(__file__).with_name("servo.c")
 
@@ -73,7 +73,7 @@ def compiled() -> ctypes.CDLL:
     try:
         library = ctypes.CDLL(str(compiled_library(kernel_cache.folder(), SOURCE, "-pthread")))
     except CannotCompile as error:
-        raise DeviceNotFound(f"the servo of Force Dimension devices {error}; {INSTALL_HINT}") from error
+        raise DeviceNotFound(f"the servo of Force Dimension devices {error}; {error.advice}") from error
     except OSError as error:  # such as a folder whose files may not be executed
         raise DeviceNotFound(f"the servo of Force Dimension devices does not load: {error}") from error
     takes = {

@@ -1,7 +1,7 @@
 """Libraries in C of a servo, compiled on first use with the system's compiler and cached beside the compiled kernels.
 
 The cached file is named by its source, ``rings.h`` and the computer, so a new source is compiled again; and it is
-sealed, so a damaged file is, too.
+sealed, so a damaged file is, too. On Windows nothing is compiled, whatever compiler is there.
 """
 
 import hashlib
@@ -16,6 +16,7 @@ from pathlib import Path
 
 from netboard.base.errors import NetboardError
 from netboard.base.files.sealed import Damaged, unsealed, write_sealed
+from netboard.base.system import c_library
 
 log = logging.getLogger(__name__)
 
@@ -28,13 +29,21 @@ FLAGS = ("-O2", "-std=gnu11", "-shared", "-fPIC", f"-I{RINGS.parent}")
 
 INSTALL_HINT = "install a C compiler (Debian, Ubuntu: gcc and libc6-dev)"
 
+USE_POSIX = "connect the device to a computer with Linux"
+
 
 class CannotCompile(NetboardError):
-    """A library in C cannot be compiled here; the message continues its name."""
+    """A library in C cannot be compiled here; the message continues its name. ``advice``: what helps."""
+
+    def __init__(self, words: str, advice: str = INSTALL_HINT) -> None:
+        super().__init__(words)
+        self.advice = advice
 
 
 def compiled_library(folder: Path, source: Path, *options: str) -> Path:
     """Compile a library in C into a folder, unless it is there already; raise `CannotCompile`."""
+    if not c_library.HAS_POSIX:
+        raise CannotCompile("is not for Windows: it uses the clock and the threads of POSIX", USE_POSIX)
     command, name = [*_compiler(), *FLAGS, *options], source.stem
     texts = source.read_bytes() + RINGS.read_bytes()
     state = hashlib.sha256(texts + " ".join((*command, platform.machine())).encode())

@@ -4,7 +4,6 @@ The source is ``servo_shim.c``; a computer without a compiler uses `netboard.dev
 """
 
 import ctypes
-import sys
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_uint32, c_uint64, c_void_p
 from functools import cache
 from pathlib import Path
@@ -15,14 +14,14 @@ from numpy.typing import NDArray
 
 from netboard.base import kernel_cache
 from netboard.base.errors import DeviceNotFound
-from netboard.devices.servo.compiling import INSTALL_HINT, CannotCompile, compiled_library
+from netboard.devices.servo.compiling import CannotCompile, compiled_library
 from netboard.devices.touch.access import SAMPLE, SYMBOL
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
 from netboard.devices.touch.servo import Raw, ServoCallback, Vector
 
 SOURCE = Path(__file__).with_name("servo_shim.c")
 
-NO_COMPILER_HINT = f'{INSTALL_HINT}, or set the option servo = "python"'
+IN_PYTHON = 'set the option servo = "python"'
 
 
 CALLED = (
@@ -53,8 +52,6 @@ class WatchState(ctypes.Structure):
 @cache
 def shim() -> ctypes.PyDLL:
     """Return the shim, compiled or from the cache."""
-    if sys.platform == "win32":
-        raise DeviceNotFound('the servo callback in C is for Linux and the like; set the option servo = "python"')
     return servo_library(build(kernel_cache.folder()))
 
 
@@ -63,9 +60,7 @@ def servo_library(path: Path) -> ctypes.PyDLL:
     try:
         library = ctypes.PyDLL(str(path))
     except OSError as error:  # such as a folder whose files may not be executed
-        raise DeviceNotFound(
-            f'the servo callback in C does not load: {error}; set the option servo = "python"'
-        ) from error
+        raise DeviceNotFound(f"the servo callback in C does not load: {error}; {IN_PYTHON}") from error
     library.servo_size.restype = c_size_t
     library.servo_prepare.argtypes = (c_void_p, POINTER(Calls), c_uint32, c_int64)
     library.servo_prepare.restype = None
@@ -89,7 +84,7 @@ def build(folder: Path) -> Path:
     try:
         return compiled_library(folder, SOURCE)
     except CannotCompile as error:
-        raise DeviceNotFound(f"the servo callback in C {error}; {NO_COMPILER_HINT}") from error
+        raise DeviceNotFound(f"the servo callback in C {error}; {error.advice}, or {IN_PYTHON}") from error
 
 
 class ShimServo:
