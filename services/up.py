@@ -61,7 +61,10 @@ def up(
         bool, typer.Option("--console/--no-console", help="Open the operator's console, if everything is started.")
     ] = True,
     prepare: Annotated[
-        bool, typer.Option("--prepare", help="Only create what a whole session lacks, and start nothing.")
+        bool,
+        typer.Option(
+            "--prepare", help="Only create what a whole session lacks, with all compiled code, and start nothing."
+        ),
     ] = False,
     offscreen: Offscreen = False,
     overrides: Overrides = None,

@@ -94,6 +94,12 @@ QLineEdit, QComboBox, QPlainTextEdit, QTableView {{ background: {theme.panel}; b
     selection-color: {theme.on_selected}; placeholder-text-color: {theme.quiet}; }}
 QComboBox QAbstractItemView {{ background: {theme.panel}; selection-background-color: {theme.selected};
     selection-color: {theme.on_selected}; }}
+QScrollBar {{ background: {theme.panel}; }}
+QScrollBar:vertical {{ width: {wide}px; }}
+QScrollBar:horizontal {{ height: {wide}px; }}
+QScrollBar::handle {{ background: {theme.frame}; border-radius: {corner}px; min-height: {2 * base}px;
+    min-width: {2 * base}px; }}
+QScrollBar::add-line, QScrollBar::sub-line {{ width: 0px; height: 0px; }}
 QTableView {{ padding: 0px; border-color: {theme.panel}; }}
 QPlainTextEdit {{ font-family: monospace; font-size: {round(FINE * base)}px; }}
 QHeaderView {{ background: {theme.panel}; }}

@@ -1,7 +1,6 @@
 """How a first start shows that it compiles: a bar with the time left on a terminal, one line elsewhere.
 
-Nothing is shown when all kernels are in the cache. The time left is the number of kernels that are still expected,
-times what those of this run took; the largest come last, so it is rather too short than too long.
+Nothing is shown when all kernels are in the cache, or the few that are not take a moment.
 """
 
 import time
@@ -14,8 +13,14 @@ from netboard.base.terminal.output import plain_console
 
 WORDS = "compiling kernels for this machine, once after an installation or an update"
 
-FIRST_LINE_S = 2.0
-"""Time after which a line without a bar says how long it will take: by then some kernels have been measured [s]."""
+SHOWN_AFTER_S = 2.0
+"""Time after which a compilation is shown: by then some of its kernels have been measured [s]."""
+
+FIRST_SHARE = 0.1
+"""Share of the expected kernels after which the line is written that says how long the others take [1]."""
+
+GROWTH = 1.5
+"""Power of the number of kernels with which the time grows: the last ones contain those before (measured) [1]."""
 
 
 class CompilationBar:
@@ -35,13 +40,15 @@ class CompilationBar:
         now = time.monotonic()
         if self._since is None:
             self._since = now
-        others = shown_bars()
+        seconds, others = self._spent + now - self._since, shown_bars()
+        if seconds < SHOWN_AFTER_S or not count:
+            return
         if self._console.is_terminal and others in (None, self._bars):
             self._advance(count)
-        elif not self._said and (seconds := self._spent + now - self._since) >= FIRST_LINE_S:
+        elif not self._said and count >= FIRST_SHARE * self._expected:
             self._said = True
             console = self._console if others is None else others.console  # which prints above its bars
-            console.print(self.line(count, seconds), soft_wrap=True)
+            console.print(self._line(count, seconds), soft_wrap=True)
 
     def rests(self) -> None:
         """Hide the bar; other output may follow."""
@@ -51,19 +58,20 @@ class CompilationBar:
         if self._bars is not None:
             self._bars.stop()
 
-    def line(self, count: int, seconds: float) -> str:
+    def _line(self, count: int, seconds: float) -> str:
         """Return in words what is done, what is left, and about how long that takes."""
-        done = f"{WORDS}: {plural(count, 'kernel')} took {seconds:.0f} s"
-        left = self._expected - count
-        return f"{done}, about {left} are left: {seconds / count * left:.0f} s" if left > 0 and count else done
+        done, total = f"{WORDS}: {plural(count, 'kernel')} took {seconds:.0f} s", self._expected
+        left = f", about {total - count} are left: {seconds * ((total / count) ** GROWTH - 1):.0f} s"
+        return done + left * (total > count)
 
     def _advance(self, count: int) -> None:
         """Draw the bar; its end moves if there are more kernels than expected."""
-        total = max(self._expected, count + 1) if self._expected else None
+        total = max(self._expected, count + 1)
         if self._bars is None:
             self._console.print(WORDS)
-            self._bars = progress_bars(self._console, "of about {task.total}" if total else "")
-            self._task = self._bars.add_task("", total=total)
+            self._bars = progress_bars(self._console)
+            self._task = self._bars.add_task("", total=1.0 if self._expected else None)
         if self._bars is not shown_bars():
             self._bars.start()
-        self._bars.update(self._task, description=plural(count, "kernel"), completed=count, total=total)
+        words = f"{count} of about {plural(total, 'kernel')}" if self._expected else plural(count, "kernel")
+        self._bars.update(self._task, description=words, completed=(count / total) ** GROWTH)

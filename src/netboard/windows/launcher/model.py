@@ -90,7 +90,7 @@ def advice(facts: LaunchFacts) -> str:
     if facts.stage is LaunchStage.IDLE:
         return facts.problem or "F2 creates what is missing and starts everything."
     if facts.stage is LaunchStage.PREPARING:
-        return "Keys, folders and compiled code are being created; the session then starts by itself."
+        return "Keys, folders and compiled code are being created (see the log); the session then starts by itself."
     if facts.stage is LaunchStage.STOPPING:
         return "Agents, displays and console first, then the server, then the logger."
     if facts.broken:
@@ -98,7 +98,7 @@ def advice(facts: LaunchFacts) -> str:
     if trouble:
         return trouble
     if facts.status is None:
-        return "The server prepares every block. After an installation this takes up to a minute."
+        return "The server prepares every block."
     if not facts.status.opened:
         return "Fill in the session's form in the console (F3 there)."
     if facts.status.waiting_for:
