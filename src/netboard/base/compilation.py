@@ -1,4 +1,4 @@
-"""The compilation of kernels in this process, for whoever shows it; a process whose kernels are cached has none.
+"""The compilation of kernels in this process, for a bar that shows it; a process whose kernels are cached has none.
 
 `netboard.base.compiled` and its cache report here what they do, and know nothing of terminals.
 """

@@ -162,24 +162,17 @@ class KernelCache:
 
     def load_overload(self, signature: tuple[types.Type, ...], target: Any) -> Any:
         """Return the compiled code for these types; None if it must be compiled."""
-        found = self._found(signature, target)
-        if found is None:
-            compilation.begins()
-        return found
-
-    def _found(self, signature: tuple[types.Type, ...], target: Any) -> Any:
-        """Return the compiled code in the file for these types, if it is sound."""
         target.refresh()
-        if not self._is_kept:
-            return None
-        key = self._key(signature, target.codegen())
-        path = self._path(key)
-        try:
-            return _loaded(path, key, target)
-        except FileNotFoundError:
-            return None
-        except (Damaged, OSError) as error:
-            _warn_once("damaged", f"{path}: {_reason(error)}; compiled kernels that are damaged are compiled again")
+        if self._is_kept:
+            key = self._key(signature, target.codegen())
+            path = self._path(key)
+            try:
+                return _loaded(path, key, target)
+            except FileNotFoundError:
+                pass
+            except (Damaged, OSError) as error:
+                _warn_once("damaged", f"{path}: {_reason(error)}; compiled kernels that are damaged are compiled again")
+        compilation.begins()
         return None
 
     def save_overload(self, signature: tuple[types.Type, ...], made: Any) -> None:

@@ -95,6 +95,6 @@ def _run_agents(config: Config, sides: Sequence[Side]) -> None:
         with TemporaryDirectory() as folder, sockets.open_context() as context:
             alone = _alone(config, folder)
             if registry.kind_of(alone.agents.of(side).device) not in OPENED:
-                alone = replace(alone, agents=replace(alone.agents, **{side: Agent()}))  # a simulated device
+                alone = replace(alone, agents=replace(alone.agents, left=Agent(), right=Agent()))  # simulated devices
             with registry.make(side, alone) as device:
                 AgentNode(alone, side, device, context, stylus_source_of(alone, device, context)).run(lambda: True)
