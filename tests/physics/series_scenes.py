@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from netboard.base.tables.friction import COLUMNS
 from netboard.base.tables.scene import Physics
 from netboard.physics.hands.extrapolation import later
 from netboard.physics.methods.dop853 import dop853
 from netboard.physics.scene.models import rates
-from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
+from netboard.physics.scene.parameters import numbers_of, pack_scene, parts_of, state_length
 from netboard.physics.scene.series import LEFT, RIGHT, STATE, begin_series, extend_series, table_of
 
 _STEP: Any = dop853
@@ -47,15 +48,16 @@ def compare(physics: Physics, free: bool, random: np.random.Generator) -> tuple[
     x = tuple(start.tolist())
     drives = tuple((random.normal(0.0, 1.0, 8) * np.array([1.0, 3.0, 9.0, 20.0] * 2)).tolist())
     table = table_of(length)
-    table[LEFT, :4], table[RIGHT, :4] = drives[:4], drives[4:]
+    table[LEFT : LEFT + 4], table[RIGHT : RIGHT + 4] = drives[:4], drives[4:]
     mass = begin_series(x, 1.0, parts, scene, table)
     for n in range(ORDER):
-        extend_series(n, x, mass, 1.0, parts, scene, table)
+        extend_series(n, x, mass, 1.0, parts, numbers_of(scene), table)
     rate = np.array(rates(x, drives[0], drives[4], parts, scene))
-    first = np.abs(rate - table[STATE : STATE + length, 1]).max() / np.abs(rate).max()
+    series = table[STATE : STATE + length * COLUMNS].reshape(length, COLUMNS)
+    first = np.abs(rate - series[:, 1]).max() / np.abs(rate).max()
     for step in range(STEPS):
         x = _STEP(x, TIME / STEPS, later(drives, step * TIME / STEPS), None, parts, scene)
-    summed = table[STATE : STATE + length, : ORDER + 1] @ TIME ** np.arange(ORDER + 1)
+    summed = series[:, : ORDER + 1] @ TIME ** np.arange(ORDER + 1)
     return float(first), float(np.abs(np.array(x) - summed).max())
 
 

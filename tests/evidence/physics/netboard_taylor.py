@@ -30,14 +30,14 @@ _EXPANSIONS = 1000
 def expand_waves(waves: Any, i: int, t: float, order: int, table: Any) -> None:
     """Write the coefficients of both drives, which are sums of sines, from a time on."""
     for k in range(order + 1):
-        table[LEFT, k], table[RIGHT, k] = 0.0, 0.0
+        table[LEFT + k], table[RIGHT + k] = 0.0, 0.0
     for j in range(6):
         half, rate = 0.5 * waves[j, 0], waves[j, 1]
         s, c = sincos(rate * t + waves[j, 2])
         s, c, sign = half * s, half * c, -1.0 if j > 2 else 1.0
         for k in range(order + 1):
-            table[LEFT, k] += sign * s
-            table[RIGHT, k] += s
+            table[LEFT + k] += sign * s
+            table[RIGHT + k] += s
             step = rate * (1.0 / (k + 1))
             s, c = step * c, -step * s
 

@@ -31,8 +31,8 @@ from netboard.physics.methods.taylor import (
     order_for,
     state_at,
 )
-from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
-from netboard.physics.scene.series import MAX_ORDER, begin_series, extend_series, larger_of, table_of
+from netboard.physics.scene.parameters import Parts, numbers_of, pack_scene, parts_of
+from netboard.physics.scene.series import begin_series, extend_series, larger_of, table_of
 from netboard.physics.simulation import TOLERANCE
 
 LANES = 8
@@ -47,14 +47,14 @@ CLAIM = 1e-11
 SHRINK = 0.75
 """Factor by which a step is shortened until its last two terms are below the tolerance in all lanes [1]."""
 
-_COLUMNS = MAX_ORDER + 2
+DRIVES = 8
+"""Coefficients of both drives in an interval [1]."""
 
 
 class LaneTable(NamedTuple):
     """A table of Taylor coefficients, or of drives, whose elements are lanes."""
 
     values: Any
-    columns: int
 
 
 def _is_lane_table(table: Any) -> bool:
@@ -63,22 +63,22 @@ def _is_lane_table(table: Any) -> bool:
 
 @specialised(operator.getitem)
 def _coefficient(table: Any, place: Any) -> Any:
-    """Let compiled code read ``table[row, k]`` as lanes."""
-    if not (_is_lane_table(table) and isinstance(place, types.BaseTuple)):
+    """Let compiled code read a place as lanes; that of drives has a row and a column."""
+    if not _is_lane_table(table):
         return None
-    return lambda table, place: lanes_at(table.values, (place[0] * table.columns + place[1]) * LANES, LANES)
+    if isinstance(place, types.BaseTuple):
+        return lambda table, place: lanes_at(table.values, (place[0] * DRIVES + place[1]) * LANES, LANES)
+    return lambda table, place: lanes_at(table.values, place * LANES, LANES)
 
 
 @specialised(operator.setitem)
 def _set_coefficient(table: Any, place: Any, value: Any) -> Any:
-    """Let compiled code write ``table[row, k]``."""
-    if not (_is_lane_table(table) and isinstance(place, types.BaseTuple)):
+    """Let compiled code write a place."""
+    if not _is_lane_table(table):
         return None
     if isinstance(value, types.Float | types.Integer):
-        return lambda table, place, value: _fill(
-            table.values, (place[0] * table.columns + place[1]) * LANES, float(value)
-        )
-    return lambda table, place, value: put(table.values, (place[0] * table.columns + place[1]) * LANES, value)
+        return lambda table, place, value: _fill(table.values, place * LANES, float(value))
+    return lambda table, place, value: put(table.values, place * LANES, value)
 
 
 @fast
@@ -110,7 +110,7 @@ def make_taylor_lanes(PARTS: Parts) -> Callable[[Array, Array, Array, float, int
     def march(
         x: Any, hands: Any, lengths: Any, tolerance: float, order: int, scenes: Any, values: Any, out: Any
     ) -> int:
-        table, drives, scene = LaneTable(borrowed(values), _COLUMNS), LaneTable(borrowed(hands), 8), scenes[0]
+        table, drives, scene = LaneTable(borrowed(values)), LaneTable(borrowed(hands)), scenes[0]
         y = (
             lanes_at(x, 0, LANES),
             lanes_at(x, LANES, LANES),
@@ -119,7 +119,7 @@ def make_taylor_lanes(PARTS: Parts) -> Callable[[Array, Array, Array, float, int
             lanes_at(x, 4 * LANES, LANES),
             lanes_at(x, 5 * LANES, LANES),
         )
-        count = 0
+        count, numbers = 0, numbers_of(scene)
         for i in range(len(lengths)):
             t = 0.0
             while t < lengths[i]:
@@ -129,7 +129,7 @@ def make_taylor_lanes(PARTS: Parts) -> Callable[[Array, Array, Array, float, int
                 speed = larger(larger(abs(y[1]), scene["l"] * abs(y[3])), larger(abs(y[5]), SLOWEST))
                 size, before, power, quiet, last = speed, speed, 1.0 / tolerance, 0, order
                 for n in range(order):
-                    before, size = size, _extend(n, y, mass, 1.0, PARTS, scene, table)
+                    before, size = size, _extend(n, y, mass, 1.0, PARTS, numbers, table)
                     power *= h
                     quiet = quiet + 1 if within(size * power / speed, 1.0) else 0
                     if quiet >= 2 and n + 1 >= LOWEST_ORDER:

@@ -12,8 +12,11 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+COLUMNS = 32
+"""Coefficients of a row in a table of Taylor series [1]."""
+
 WORK_ROWS = 2
-"""Rows of a table of Taylor coefficients that a law may use for its own intermediate series [1]."""
+"""Rows of such a table that a law may use for its own intermediate series [1]."""
 
 MAX_SPEED = 5.0
 """Largest speed of a ball at which a law must be stable: that of a free fall by 1.3 m [m/s]."""
@@ -40,8 +43,8 @@ class Friction:
         ``slope(coefficient, load)``: its largest derivative with respect to the speed, up to `MAX_SPEED` [N s/m].
     series : callable
         ``series(n, coefficient, table, vp, load, work)``: kernel of the n-th Taylor coefficient of the force. The rows
-        `vp` and `load` of the table have the coefficients up to n; `WORK_ROWS` rows from `work` on are the law's own,
-        and keep what it writes from order to order [N/s^n].
+        from places `vp` and `load` of the table on have the coefficients up to n; `WORK_ROWS` rows from `work` on are
+        the law's own, and keep what it writes from order to order [N/s^n].
     """
 
     name: str
@@ -64,27 +67,27 @@ def _rolling(coefficient: float, vp: float, load: float) -> float:
 
 def _viscous_series(n: int, coefficient: float, table: NDArray[np.float64], vp: int, load: int, work: int) -> float:
     """Return a Taylor coefficient of viscous friction [N/s^n]."""
-    speed: float = table[vp, n]
+    speed: float = table[vp + n]
     return coefficient * speed
 
 
 def _rolling_series(n: int, coefficient: float, table: NDArray[np.float64], vp: int, load: int, work: int) -> float:
     """Return a Taylor coefficient of rolling resistance, by those of the root and of the smooth sign [N/s^n]."""
-    root, sign = work, work + 1
+    root, sign = work, work + COLUMNS
     square, rest, ratio, force = 0.0, 0.0, 0.0, 0.0
     for k in range(n + 1):
-        square += table[vp, k] * table[vp, n - k]
+        square += table[vp + k] * table[vp + n - k]
     for k in range(1, n):
-        rest += table[root, k] * table[root, n - k]
+        rest += table[root + k] * table[root + n - k]
     if n == 0:
-        table[root, 0] = sqrt(square + SMOOTHING_SPEED * SMOOTHING_SPEED)
+        table[root] = sqrt(square + SMOOTHING_SPEED * SMOOTHING_SPEED)
     else:
-        table[root, n] = (square - rest) / (2.0 * table[root, 0])
+        table[root + n] = (square - rest) / (2.0 * table[root])
     for k in range(n):
-        ratio += table[sign, k] * table[root, n - k]
-    table[sign, n] = (table[vp, n] - ratio) / table[root, 0]
+        ratio += table[sign + k] * table[root + n - k]
+    table[sign + n] = (table[vp + n] - ratio) / table[root]
     for k in range(n + 1):
-        force += table[load, k] * table[sign, n - k]
+        force += table[load + k] * table[sign + n - k]
     return coefficient * force
 
 

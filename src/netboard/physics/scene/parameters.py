@@ -4,11 +4,14 @@ They come from the table ``[physics]`` of the configuration. `SCENE` holds the n
 equations have: kernels are compiled for a `Parts`, and compute no other terms.
 """
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
+from netboard.base.compiled import specialised
 from netboard.base.tables.declared import number_of, require, words_of
 from netboard.base.tables.scene import FRICTION, Physics
 
@@ -36,6 +39,21 @@ SCENE = np.dtype(
     ]
 )
 """One scene."""
+
+SceneNumbers: Any = namedtuple("SceneNumbers", SCENE.names or ())
+"""The same numbers as a tuple, which compiled code reads once: those of a record are read after each store again."""
+
+
+def numbers_of(scene: np.void) -> Any:
+    """Return the numbers of a scene."""
+    return SceneNumbers(*scene.tolist())
+
+
+@specialised(numbers_of)
+def _numbers_of(scene: types.Type) -> Any:
+    """Write the tuple."""
+    fields = ", ".join(f'scene["{name}"]' for name in SceneNumbers._fields)
+    return eval(f"lambda scene: SceneNumbers({fields})", {"SceneNumbers": SceneNumbers, "__name__": __name__})
 
 
 class Parts(NamedTuple):

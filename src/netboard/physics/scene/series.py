@@ -24,17 +24,17 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, specialised
-from netboard.base.tables.friction import WORK_ROWS
+from netboard.base.tables.friction import COLUMNS, WORK_ROWS
 from netboard.base.tables.scene import FRICTION
 from netboard.physics.arithmetic.vectors import State, dot, places, speeds, total
 from netboard.physics.scene.models import inertia, solved, turned
-from netboard.physics.scene.parameters import Parts
+from netboard.physics.scene.parameters import Parts, SceneNumbers
 
-MAX_ORDER = 30
+MAX_ORDER = COLUMNS - 2
 """Highest order of a table [1]."""
 
 Table = NDArray[np.float64]
-"""Coefficients, shape (rows, MAX_ORDER + 2)."""
+"""Coefficients of all series, `COLUMNS` for each: a constant, so that compiled code finds them without arithmetic."""
 
 (
     LEFT,  # drive of the left hand
@@ -50,15 +50,22 @@ Table = NDArray[np.float64]
     PLACE,  # sum of p
     SLIDE,  # sum of w
     LOAD,  # normal force of a ball on the board
-    STATE,  # first row of the state
-) = range(14)
-"""Rows of a table; rows of friction follow the state."""
+    HEIGHT,  # z, the first row of the state
+    HEAVE,  # vz
+    TILT,  # theta
+    OMEGA,
+    BALL,  # p of the first ball
+) = range(0, 18 * COLUMNS, COLUMNS)
+"""Rows of a table, by the place of their coefficient of order 0; rows of friction follow the state."""
+
+STATE, NEXT = HEIGHT, COLUMNS
+"""First row of the state; from a row to the next."""
 
 
 def table_of(length: int) -> Table:
     """Return an empty table for a scene."""
     balls = length // 2 - 2
-    return np.zeros((STATE + length + balls * (1 + WORK_ROWS * len(FRICTION)), MAX_ORDER + 2))
+    return np.zeros(STATE + (length + balls * (1 + WORK_ROWS * len(FRICTION))) * COLUMNS)
 
 
 @inlined
@@ -83,13 +90,13 @@ def begin_series(x: State, side: float, parts: Parts, scene: np.void, table: Tab
         Sign of the cosine of the tilt during the step [1].
     """
     for i in range(len(x)):
-        table[STATE + i, 0] = x[i]
+        table[STATE + i * NEXT] = x[i]
     s, c = turned(x[2], parts)
-    table[SINE, 0], table[COSINE, 0], table[SWING, 0] = s, c, x[3] * c
-    table[LOAD, 0] = scene["m"] * scene["g"] * side * c
+    table[SINE], table[COSINE], table[SWING] = s, c, x[3] * c
+    table[LOAD] = scene["m"] * scene["g"] * side * c
     p = places(x)
-    table[PLACE, 0], table[SQUARE, 0] = total(p), dot(p, p)
-    table[SLIDE, 0] = total(speeds(x)) - len(p) * scene["ball_height"] * x[3]
+    table[PLACE], table[SQUARE] = total(p), dot(p, p)
+    table[SLIDE] = total(speeds(x)) - len(p) * scene["ball_height"] * x[3]
     if parts.lagrangian:
         return inertia(x, s, c, parts, scene)
     return scene["M"], 0.0, scene["I"]
@@ -97,7 +104,7 @@ def begin_series(x: State, side: float, parts: Parts, scene: np.void, table: Tab
 
 @inlined
 def extend_series(
-    n: int, x: State, mass: tuple[float, float, float], side: float, parts: Parts, scene: np.void, table: Table
+    n: int, x: State, mass: tuple[float, float, float], side: float, parts: Parts, scene: SceneNumbers, table: Table
 ) -> float:
     """Write the coefficients of order n + 1 from those up to order n; return the largest speed among them [SI].
 
@@ -115,37 +122,37 @@ def extend_series(
         As for `begin_series` [1].
     """
     r, place = 1.0 / (n + 1), 0.0
-    table[STATE, n + 1], table[STATE + 2, n + 1] = r * table[STATE + 1, n], r * table[STATE + 3, n]
-    for i in range(4, len(x), 2):
-        table[STATE + i, n + 1] = r * table[STATE + i + 1, n]
-        place += table[STATE + i, n + 1]
-    table[PLACE, n + 1] = place
+    table[HEIGHT + n + 1], table[TILT + n + 1] = r * table[HEAVE + n], r * table[OMEGA + n]
+    for p in range(BALL, STATE + len(x) * NEXT, 2 * NEXT):
+        table[p + n + 1] = r * table[p + NEXT + n]
+        place += table[p + n + 1]
+    table[PLACE + n + 1] = place
     if parts.resisted:
         _write_friction(n, len(x), parts, scene, table)
     if parts.lagrangian:
         az, ao = _lagrangian(n, r, x, mass, parts, scene, table)
     else:
         az, ao = _paper(n, r, len(x), parts, scene, table)
-    table[STATE + 1, n + 1], table[STATE + 3, n + 1] = r * az, r * ao
-    table[SWING, n + 1] += r * ao * table[COSINE, 0]
-    table[LOAD, n + 1] = scene["m"] * scene["g"] * side * table[COSINE, n + 1]
-    size: float = larger_of(abs(r * az), scene["l"] * abs(r * ao))
+    table[HEAVE + n + 1], table[OMEGA + n + 1] = r * az, r * ao
+    table[SWING + n + 1] += r * ao * table[COSINE]
+    table[LOAD + n + 1] = scene.m * scene.g * side * table[COSINE + n + 1]
+    size: float = larger_of(abs(r * az), scene.l * abs(r * ao))
     if parts.free:
-        for i in range(5, len(x), 2):
-            size = larger_of(size, abs(table[STATE + i, n + 1]))
+        for p in range(BALL, STATE + len(x) * NEXT, 2 * NEXT):
+            size = larger_of(size, abs(table[p + NEXT + n + 1]))
     return size
 
 
-def _write_friction(n: int, length: int, parts: Parts, scene: np.void, table: Table) -> None:
+def _write_friction(n: int, length: int, parts: Parts, scene: SceneNumbers, table: Table) -> None:
     """Write the coefficients of order n of the friction of each ball, the sum of all laws."""
     balls = length // 2 - 2
     for ball in range(balls):
-        force, vp = 0.0, STATE + 5 + 2 * ball
+        force, vp = 0.0, BALL + (2 * ball + 1) * NEXT
         for i, (key, law) in enumerate(FRICTION.items()):
             if parts.friction[i]:
-                work = STATE + length + balls + (ball * len(FRICTION) + i) * WORK_ROWS
-                force += law.series(n, scene[key], table, vp, LOAD, work)
-        table[STATE + length + ball, n] = force
+                work = STATE + (length + balls + (ball * len(FRICTION) + i) * WORK_ROWS) * NEXT
+                force += law.series(n, getattr(scene, key), table, vp, LOAD, work)
+        table[STATE + (length + ball) * NEXT + n] = force
 
 
 _LAWS = {f"law{i}": inlined(law.series) for i, law in enumerate(FRICTION.values())}
@@ -155,68 +162,68 @@ _LAWS = {f"law{i}": inlined(law.series) for i, law in enumerate(FRICTION.values(
 def _friction(n: types.Type, length: types.Type, parts: types.Type, scene: types.Type, table: types.Type) -> Any:
     """Write the sum of all laws; the compiler removes those that the scene lacks."""
     lines = ["def write(n, length, parts, scene, table):", " balls = length // 2 - 2", " for ball in range(balls):"]
-    lines += ["  force, vp = 0.0, STATE + 5 + 2 * ball"]
+    lines += ["  force, vp = 0.0, BALL + (2 * ball + 1) * NEXT"]
     for i, key in enumerate(FRICTION):
-        work = f"STATE + length + balls + (ball * {len(FRICTION)} + {i}) * {WORK_ROWS}"
-        lines += [f"  if parts.friction[{i}]:", f'   force += law{i}(n, scene["{key}"], table, vp, LOAD, {work})']
-    lines += ["  table[STATE + length + ball, n] = force"]
-    known: dict[str, Any] = {**_LAWS, "STATE": STATE, "LOAD": LOAD, "__name__": __name__}
+        work = f"STATE + (length + balls + (ball * {len(FRICTION)} + {i}) * {WORK_ROWS}) * NEXT"
+        lines += [f"  if parts.friction[{i}]:", f"   force += law{i}(n, scene.{key}, table, vp, LOAD, {work})"]
+    lines += ["  table[STATE + (length + ball) * NEXT + n] = force"]
+    known: dict[str, Any] = {**_LAWS, "STATE": STATE, "BALL": BALL, "NEXT": NEXT, "LOAD": LOAD, "__name__": __name__}
     exec("\n".join(lines), known)
     return known["write"]
 
 
 @inlined
-def _hands(n: int, parts: Parts, scene: np.void, table: Table) -> tuple[float, float]:
+def _hands(n: int, parts: Parts, scene: SceneNumbers, table: Table) -> tuple[float, float]:
     """Return the force on a board without balls and weight, and the difference of the hands' forces, of order n [N]."""
-    left, right, z, vz = table[LEFT, n], table[RIGHT, n], table[STATE, n], table[STATE + 1, n]
-    arm, arm_rate = scene["l"] * table[SINE, n], scene["l"] * table[SWING, n]
-    k, d = scene["k_left"] + scene["k_right"], scene["c_left"] + scene["c_right"]
-    force = (left + right) - (k + scene["k_s"]) * z - (d + scene["b_z"]) * vz
+    left, right, z, vz = table[LEFT + n], table[RIGHT + n], table[HEIGHT + n], table[HEAVE + n]
+    arm, arm_rate = scene.l * table[SINE + n], scene.l * table[SWING + n]
+    k, d = scene.k_left + scene.k_right, scene.c_left + scene.c_right
+    force = (left + right) - (k + scene.k_s) * z - (d + scene.b_z) * vz
     turn = (right - left) - k * arm - d * arm_rate
     if not parts.even:
-        k, d = scene["k_right"] - scene["k_left"], scene["c_right"] - scene["c_left"]
+        k, d = scene.k_right - scene.k_left, scene.c_right - scene.c_left
         force -= k * arm + d * arm_rate
         turn -= k * z + d * vz
     return force, turn
 
 
 @inlined
-def _paper(n: int, r: float, length: int, parts: Parts, scene: np.void, table: Table) -> tuple[float, float]:
+def _paper(n: int, r: float, length: int, parts: Parts, scene: SceneNumbers, table: Table) -> tuple[float, float]:
     """Return the accelerations of heave and tilt of order n by the paper's equations; write those of the balls."""
-    omega, weight = STATE + 3, 0.0
+    weight = 0.0
     force, turn = _hands(n, parts, scene, table)
     if n == 0:
-        force -= scene["M"] * scene["g"]
+        force -= scene.M * scene.g
     if parts.loaded:
-        weight = scene["m"] * scene["g"] * (1.0 if parts.free else scene["fixed_load"])
-    table[TURN, n] = scene["l"] * turn - weight * table[PLACE, n]
+        weight = scene.m * scene.g * (1.0 if parts.free else scene.fixed_load)
+    table[TURN + n] = scene.l * turn - weight * table[PLACE + n]
     torque, level = 0.0, 0.0
     if parts.tilts:
         fall, swing = 0.0, 0.0
         for k in range(1, n + 1):
-            fall += table[omega, k] * table[SINE, n - k]
-            swing += table[omega, k] * table[COSINE, n + 1 - k]
-            level += table[COSINE, k] * table[COSINE, n - k]
-            torque += table[TURN, k - 1] * table[COSINE, n + 1 - k]
-        fall += table[omega, 0] * table[SINE, n]
-        level += table[COSINE, 0] * table[COSINE, n]
-        torque += table[TURN, n] * table[COSINE, 0]
-        table[SINE, n + 1], table[COSINE, n + 1] = r * table[SWING, n], -(r * fall)
-        table[SWING, n + 1] = swing + table[omega, 0] * table[COSINE, n + 1]
+            fall += table[OMEGA + k] * table[SINE + n - k]
+            swing += table[OMEGA + k] * table[COSINE + n + 1 - k]
+            level += table[COSINE + k] * table[COSINE + n - k]
+            torque += table[TURN + k - 1] * table[COSINE + n + 1 - k]
+        fall += table[OMEGA] * table[SINE + n]
+        level += table[COSINE] * table[COSINE + n]
+        torque += table[TURN + n] * table[COSINE]
+        table[SINE + n + 1], table[COSINE + n + 1] = r * table[SWING + n], -(r * fall)
+        table[SWING + n + 1] = swing + table[OMEGA] * table[COSINE + n + 1]
     elif n == 0:
         level = 1.0
     if parts.loaded:
         force -= (length // 2 - 2) * weight * level
     if parts.damped:
-        torque -= scene["b_theta"] * table[omega, n]
+        torque -= scene.b_theta * table[OMEGA + n]
     if parts.free:
         for ball in range(length // 2 - 2):
-            ap = scene["ball_gravity"] * table[SINE, n]
+            ap = scene.ball_gravity * table[SINE + n]
             if parts.resisted:
-                ap -= scene["mass_ratio"] * (1.0 / scene["m"]) * table[STATE + length + ball, n]
-            table[STATE + 5 + 2 * ball, n + 1] = r * ap
-    az = force * (1.0 / scene["M"]) if parts.heaves else 0.0
-    return az, torque * (1.0 / scene["I"]) if parts.tilts else 0.0
+                ap -= scene.mass_ratio * (1.0 / scene.m) * table[STATE + (length + ball) * NEXT + n]
+            table[BALL + (2 * ball + 1) * NEXT + n + 1] = r * ap
+    az = force * (1.0 / scene.M) if parts.heaves else 0.0
+    return az, torque * (1.0 / scene.I) if parts.tilts else 0.0
 
 
 @inlined
@@ -226,27 +233,26 @@ def _lagrangian(
     x: State,
     mass: tuple[float, float, float],
     parts: Parts,
-    scene: np.void,
+    scene: SceneNumbers,
     table: Table,
 ) -> tuple[float, float]:
     """Return the accelerations of heave and tilt of order n by Lagrange's equations; write those of the balls."""
-    omega = STATE + 3
     force, turn = _hands(n, parts, scene, table)
-    table[TURN, n] = scene["l"] * turn
+    table[TURN + n] = scene.l * turn
     torque, fall, swing = 0.0, 0.0, 0.0
     for k in range(1, n + 1):
-        fall += table[omega, k] * table[SINE, n - k]
-        swing += table[omega, k] * table[COSINE, n + 1 - k]
-        torque += table[TURN, k - 1] * table[COSINE, n + 1 - k]
-    fall += table[omega, 0] * table[SINE, n]
-    torque += table[TURN, n] * table[COSINE, 0]
+        fall += table[OMEGA + k] * table[SINE + n - k]
+        swing += table[OMEGA + k] * table[COSINE + n + 1 - k]
+        torque += table[TURN + k - 1] * table[COSINE + n + 1 - k]
+    fall += table[OMEGA] * table[SINE + n]
+    torque += table[TURN + n] * table[COSINE]
     if parts.tilts:
-        table[SINE, n + 1], table[COSINE, n + 1] = r * table[SWING, n], -(r * fall)
-        table[SWING, n + 1] = swing + table[omega, 0] * table[COSINE, n + 1]
+        table[SINE + n + 1], table[COSINE + n + 1] = r * table[SWING + n], -(r * fall)
+        table[SWING + n + 1] = swing + table[OMEGA] * table[COSINE + n + 1]
     if n == 0:
-        force -= scene["M"] * scene["g"]
+        force -= scene.M * scene.g
     if parts.damped:
-        torque -= scene["b_theta"] * table[omega, n]
+        torque -= scene.b_theta * table[OMEGA + n]
     if parts.loaded and parts.free:
         more, turning, along = _free_balls(n, r, x, parts, scene, table)
         force, torque = force + more, torque + turning
@@ -254,81 +260,82 @@ def _lagrangian(
         more, turning = _fixed_balls(n, x, parts, scene, table)
         force, torque = force + more, torque + turning
     az, ao = solved(mass[0], mass[1], mass[2], force, torque, parts)
-    table[LIFT, n] = az
+    table[LIFT + n] = az
     if parts.free:
-        for i in range(5, len(x), 2):
-            rolled = scene["mass_ratio"] * (table[STATE + i, n + 1] - table[SINE, 0] * az)
-            table[STATE + i, n + 1] = r * (rolled + scene["ball_height"] * ao)
-        slid = scene["mass_ratio"] * (along - (len(x) // 2 - 2) * table[SINE, 0] * az)
-        table[SLIDE, n + 1] = r * slid
+        for vp in range(BALL + NEXT, STATE + len(x) * NEXT, 2 * NEXT):
+            rolled = scene.mass_ratio * (table[vp + n + 1] - table[SINE] * az)
+            table[vp + n + 1] = r * (rolled + scene.ball_height * ao)
+        slid = scene.mass_ratio * (along - (len(x) // 2 - 2) * table[SINE] * az)
+        table[SLIDE + n + 1] = r * slid
     return az, ao
 
 
 @inlined
-def _free_balls(n: int, r: float, x: State, parts: Parts, scene: np.void, table: Table) -> tuple[float, float, float]:
+def _free_balls(
+    n: int, r: float, x: State, parts: Parts, scene: SceneNumbers, table: Table
+) -> tuple[float, float, float]:
     """Return what balls add to the force and the torque of order n, without accelerations of order n.
 
     Write the force along the board on each ball over its mass, in the row of its speed; return its sum, too.
     """
-    m, g, omega, balls = scene["m"], scene["g"], STATE + 3, len(x) // 2 - 2
+    m, g, balls = scene.m, scene.g, len(x) // 2 - 2
     # All sums in one loop; their terms with coefficients that it makes, or that are known already, stand outside.
     arm, spin, sliding, swaying, lifted, lifting, turning = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    table[LIFT, n] = 0.0
+    table[LIFT + n] = 0.0
     for k in range(1, n + 1):
-        arm += table[PLACE, k] * table[COSINE, n - k]
-        spin += table[omega, k] * table[omega, n - k]
-        sliding += table[SLIDE, k] * table[SINE, n + 1 - k]
-        swaying += table[SWING, k] * table[PLACE, n + 1 - k]
-        lifted += table[LIFT, k] * table[ARM, n - k]
-        lifting += table[LIFT, k] * table[SINE, n - k]
-        turning += table[omega, k] * table[SQUARE, n + 1 - k]
-    arm += table[PLACE, 0] * table[COSINE, n]
-    spin += table[omega, 0] * table[omega, n]
-    sliding += table[SLIDE, 0] * table[SINE, n + 1]
-    swaying += table[SWING, 0] * table[PLACE, n + 1]
-    table[ARM, n], table[SPIN, n] = arm, spin
-    lifted += table[LIFT, 0] * arm
-    lifting += table[LIFT, 0] * table[SINE, n]
+        arm += table[PLACE + k] * table[COSINE + n - k]
+        spin += table[OMEGA + k] * table[OMEGA + n - k]
+        sliding += table[SLIDE + k] * table[SINE + n + 1 - k]
+        swaying += table[SWING + k] * table[PLACE + n + 1 - k]
+        lifted += table[LIFT + k] * table[ARM + n - k]
+        lifting += table[LIFT + k] * table[SINE + n - k]
+        turning += table[OMEGA + k] * table[SQUARE + n + 1 - k]
+    arm += table[PLACE] * table[COSINE + n]
+    spin += table[OMEGA] * table[OMEGA + n]
+    sliding += table[SLIDE] * table[SINE + n + 1]
+    swaying += table[SWING] * table[PLACE + n + 1]
+    table[ARM + n], table[SPIN + n] = arm, spin
+    lifted += table[LIFT] * arm
+    lifting += table[LIFT] * table[SINE + n]
     along, square, flung, friction = 0.0, 0.0, 0.0, 0.0
     for ball in range(balls):
-        p = STATE + 4 + 2 * ball
-        fling = 0.0
+        p, fling = BALL + 2 * ball * NEXT, 0.0
         for k in range(1, n + 1):
-            square += table[p, k] * table[p + 1, n - k]
-            fling += table[p, k] * table[SPIN, n - k]
-        square += table[p, 0] * table[p + 1, n]
-        fling += table[p, 0] * spin
+            square += table[p + k] * table[p + NEXT + n - k]
+            fling += table[p + k] * table[SPIN + n - k]
+        square += table[p] * table[p + NEXT + n]
+        fling += table[p] * spin
         flung += fling
-        fling -= g * table[SINE, n] + lifting
+        fling -= g * table[SINE + n] + lifting
         if parts.resisted:
-            drag = table[STATE + len(x) + ball, n]
+            drag = table[STATE + (len(x) + ball) * NEXT + n]
             fling -= drag * (1.0 / m)
             friction += drag
-        table[p + 1, n + 1] = fling
+        table[p + NEXT + n + 1] = fling
         along += fling
-    table[SQUARE, n + 1] = 2.0 * r * square
-    turning += table[omega, 0] * table[SQUARE, n + 1]
+    table[SQUARE + n + 1] = 2.0 * r * square
+    turning += table[OMEGA] * table[SQUARE + n + 1]
     # SWING of order n + 1 lacks the term with the acceleration of tilt still.
-    sway = (n + 1) * (sliding + swaying + table[PLACE, 0] * table[SWING, n + 1])
-    force = -m * (sway + table[SINE, 0] * scene["mass_ratio"] * along)
+    sway = (n + 1) * (sliding + swaying + table[PLACE] * table[SWING + n + 1])
+    force = -m * (sway + table[SINE] * scene.mass_ratio * along)
     if n == 0:
         force -= balls * m * g
-    torque = m * (scene["ball_height"] * flung - g * arm - lifted - (n + 1) * turning)
-    return force, torque - scene["ball_height"] * friction, along
+    torque = m * (scene.ball_height * flung - g * arm - lifted - (n + 1) * turning)
+    return force, torque - scene.ball_height * friction, along
 
 
 @inlined
-def _fixed_balls(n: int, x: State, parts: Parts, scene: np.void, table: Table) -> tuple[float, float]:
+def _fixed_balls(n: int, x: State, parts: Parts, scene: SceneNumbers, table: Table) -> tuple[float, float]:
     """Return what fixed balls add to the force and the torque of order n, without accelerations of order n."""
-    m, g, omega, balls = scene["m"] * scene["fixed_load"], scene["g"], STATE + 3, len(x) // 2 - 2
-    place, height = table[PLACE, 0], balls * scene["ball_height"]
-    arm, sinking, lifted = place * table[COSINE, n] - height * table[SINE, n], 0.0, 0.0
-    table[ARM, n] = arm
+    m, g, balls = scene.m * scene.fixed_load, scene.g, len(x) // 2 - 2
+    place, height = table[PLACE], balls * scene.ball_height
+    arm, sinking, lifted = place * table[COSINE + n] - height * table[SINE + n], 0.0, 0.0
+    table[ARM + n] = arm
     for k in range(n + 1):
-        sinking += table[omega, k] * table[SINE, n + 1 - k]
+        sinking += table[OMEGA + k] * table[SINE + n + 1 - k]
     for k in range(n):
-        lifted += table[LIFT, k] * table[ARM, n - k]
-    force = -m * (n + 1) * (place * table[SWING, n + 1] - height * sinking)
+        lifted += table[LIFT + k] * table[ARM + n - k]
+    force = -m * (n + 1) * (place * table[SWING + n + 1] - height * sinking)
     if n == 0:
         force -= balls * m * g
     return force, -m * (g * arm + lifted)
