@@ -1,19 +1,18 @@
 """Netboard's Taylor method under comparison: one interval without joints, and the hands expanded at each of its steps.
 
 The kernels are those of `netboard simulate`, compiled a second time with fused multiply-adds, and with sines for hands
-instead of polynomials. The cost of expanding the hands is measured alone, for as many steps of the same order.
+instead of polynomials. The cost of expanding the hands is measured alone, for as many steps of the same order, and
+in turns.
 """
 
 from collections.abc import Callable
 from functools import cache, partial
-from time import process_time
 from typing import Any
 
 import numpy as np
 
 from evidence.physics.work_precision import OURS, Solution, Solver
 from netboard.base.compiled import borrowed, fast, inlined, relaxed
-from netboard.benchmarks.harness.running import timed
 from netboard.benchmarks.physics.problem import Array, Problem
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.methods.taylor import expand_drives, march_by_series, order_for
@@ -22,8 +21,6 @@ from netboard.physics.scene.series import LEFT, RIGHT, table_of
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15, 1e-16)
 QUICK_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
-
-_EXPANSIONS = 1000
 
 
 @inlined
@@ -75,14 +72,6 @@ def _expand_often(waves: Any, count: int, order: int, table: Any) -> None:
         _expand(waves, 0, 1e-3 * i, order, table)
 
 
-def expansion_cost(problem: Problem, order: int) -> float:
-    """Return the cost of one expansion of the hands [ns]."""
-    table = table_of(6)
-    run = partial(_expand_often, problem.waves, _EXPANSIONS, order, table)
-    run()
-    return min(timed(run, process_time) for _ in range(20)) / _EXPANSIONS * 1e9
-
-
 def taylor_solvers(problem: Problem, quick: bool) -> list[Solver]:
     """Return the Taylor method with all tolerances."""
     return [_solver(problem, tolerance) for tolerance in (QUICK_TOLERANCES if quick else TOLERANCES)]
@@ -103,9 +92,11 @@ def taylor_run(problem: Problem, tolerance: float) -> Callable[[Array], tuple[Ar
 
 def _solver(problem: Problem, tolerance: float) -> Solver:
     run, times = taylor_run(problem, tolerance), problem.times[1:]
+    order, table, made = order_for(tolerance), table_of(6), {"steps": 0}
 
     def solve() -> Solution:
         out, steps = run(times)
+        made["steps"] = steps
         return Solution(np.concatenate(([problem.first], out)), 1, steps, steps)
 
     return Solver(
@@ -116,5 +107,5 @@ def _solver(problem: Problem, tolerance: float) -> Solver:
         partial(run, np.empty(0)),
         inputs=True,
         dense=partial(run, times),
-        input_ns=expansion_cost(problem, order_for(tolerance)),
+        hands=lambda: _expand_often(problem.waves, made["steps"], order, table),
     )

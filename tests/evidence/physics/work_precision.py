@@ -50,6 +50,7 @@ class Solver:
     - `alone`: the same number of steps without hands, if their cost cannot be separated otherwise.
     - `dense`: solves the problem and keeps the states at all of `Problem.times`, if the method can.
     - `input_ns`: cost of one evaluation of the hands, if it differs from that of compiled code [ns].
+    - `hands`: evaluates the hands as often as `bare` does, and nothing else, if that cost is to be measured in turns.
     """
 
     library: str
@@ -63,6 +64,7 @@ class Solver:
     dense: Callable[[], object] | None = None
     share: float = 1.0
     input_ns: float = nan
+    hands: Callable[[], object] | None = None
 
 
 TARGETS = tuple(10.0**-i for i in range(2, 13))
@@ -143,15 +145,14 @@ def measure(
         warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
     tell(f"{problem.name}: timing", share)
-    bare = in_turns([solver.bare for solver in solvers], repeats, budget, process_time)
-    alone = _of_some([solver.alone for solver in solvers], repeats, budget)
-    dense = _of_some([solver.dense for solver in solvers], repeats, budget)
-    found = zip(solvers, solutions, warm_ups, bare, alone, dense, strict=True)
+    runs = [run for one in solvers for run in (one.bare, one.alone, one.dense, one.hands)]
+    taken = _of_some(runs, repeats, budget)
+    found = zip(solvers, solutions, warm_ups, *(taken[kind::4] for kind in range(4)), strict=True)
     return [_row(problem, reference, ns, *one) for one in found]
 
 
 def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: float) -> list[list[float]]:
-    """Time the runs that exist, interleaved."""
+    """Time the runs that exist, all in turns: a difference of two costs then holds for one state of the machine."""
     some = [run for run in runs if run is not None]
     for run in some:
         run()
@@ -169,20 +170,23 @@ def _row(
     bare: list[float],
     alone: list[float],
     dense: list[float],
+    hands: list[float],
 ) -> Row:
-    """Return error and cost from processor times without states, without hands, with dense states; empty if not run.
+    """Return error and cost from processor times without states, without hands, with dense states, and of hands alone.
+
+    Lists are empty where a solver has no such run.
 
     - `ns`: cost of one evaluation of the hands in compiled code [ns].
     """
     errors = errors_of(problem, reference, solution.states, solution.stride)
     scale = 1e6 / problem.duration
-    hands = solution.calls * (ns if isnan(solver.input_ns) else solver.input_ns) * 1e-9
+    evaluated = solution.calls * (ns if isnan(solver.input_ns) else solver.input_ns) * 1e-9
 
     def costs(of: Callable[[list[float]], float]) -> tuple[float, float]:
         took = of(bare) / solver.share
         if not solver.inputs:
-            return took * scale, (took + hands) * scale
-        physics = of(alone) if alone else max(took - hands, 0.0)
+            return took * scale, (took + evaluated) * scale
+        physics = of(alone) if alone else max(took - (of(hands) if hands else evaluated), 0.0)
         return physics * scale, took * scale
 
     physics, whole = costs(min)

@@ -6,8 +6,10 @@ known : int
     Structure flags of the scene (`known_of`) [1].
 k : int
     Number of a table [1].
-table : ndarray of float64, shape (rows, MAX_ORDER + 2)
+table : ndarray of float64, shape (n,)
     Taylor coefficients of a movement, a row for each series of `netboard.physics.scene.series` [SI].
+numbers : tuple
+    Numbers of the scene, from `netboard.physics.scene.parameters.numbers_of` [SI].
 order : int
     Highest order of a Taylor series [1].
 tolerance : float

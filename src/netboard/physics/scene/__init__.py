@@ -20,6 +20,8 @@ rendering : Rendering
     Structure of the rendering; a compile-time constant.
 packed : RENDERING record
     Parameters of the commanded forces.
-table : ndarray of float64, shape (rows, MAX_ORDER + 2)
+table : ndarray of float64, shape (n,)
     Taylor coefficients of a movement, a row for each series of `netboard.physics.scene.series` [SI].
+numbers : tuple
+    Numbers of the scene, from `netboard.physics.scene.parameters.numbers_of` [SI].
 """

@@ -40,20 +40,23 @@ SCENE = np.dtype(
 )
 """One scene."""
 
-SceneNumbers: Any = namedtuple("SceneNumbers", SCENE.names or ())
-"""The same numbers as a tuple, which compiled code reads once: those of a record are read after each store again."""
+SceneNumbers = Any
+"""The same numbers as a named tuple. Compiled code reads them once, but those of a record again after each store."""
+
+_NAMES: tuple[str, ...] = SCENE.names or ()
+_SceneNumbers: Any = namedtuple("_SceneNumbers", _NAMES)  # type: ignore[misc]
 
 
-def numbers_of(scene: np.void) -> Any:
-    """Return the numbers of a scene."""
-    return SceneNumbers(*scene.tolist())
+def numbers_of(scene: np.void) -> SceneNumbers:
+    """Return the numbers of a scene as a named tuple [SI]."""
+    return _SceneNumbers(*scene.tolist())
 
 
 @specialised(numbers_of)
 def _numbers_of(scene: types.Type) -> Any:
     """Write the tuple."""
-    fields = ", ".join(f'scene["{name}"]' for name in SceneNumbers._fields)
-    return eval(f"lambda scene: SceneNumbers({fields})", {"SceneNumbers": SceneNumbers, "__name__": __name__})
+    fields = ", ".join(f'scene["{name}"]' for name in _NAMES)
+    return eval(f"lambda scene: _SceneNumbers({fields})", {"_SceneNumbers": _SceneNumbers, "__name__": __name__})
 
 
 class Parts(NamedTuple):

@@ -104,7 +104,7 @@ def begin_series(x: State, side: float, parts: Parts, scene: np.void, table: Tab
 
 @inlined
 def extend_series(
-    n: int, x: State, mass: tuple[float, float, float], side: float, parts: Parts, scene: SceneNumbers, table: Table
+    n: int, x: State, mass: tuple[float, float, float], side: float, parts: Parts, numbers: SceneNumbers, table: Table
 ) -> float:
     """Write the coefficients of order n + 1 from those up to order n; return the largest speed among them [SI].
 
@@ -128,22 +128,22 @@ def extend_series(
         place += table[p + n + 1]
     table[PLACE + n + 1] = place
     if parts.resisted:
-        _write_friction(n, len(x), parts, scene, table)
+        _write_friction(n, len(x), parts, numbers, table)
     if parts.lagrangian:
-        az, ao = _lagrangian(n, r, x, mass, parts, scene, table)
+        az, ao = _lagrangian(n, r, x, mass, parts, numbers, table)
     else:
-        az, ao = _paper(n, r, len(x), parts, scene, table)
+        az, ao = _paper(n, r, len(x), parts, numbers, table)
     table[HEAVE + n + 1], table[OMEGA + n + 1] = r * az, r * ao
     table[SWING + n + 1] += r * ao * table[COSINE]
-    table[LOAD + n + 1] = scene.m * scene.g * side * table[COSINE + n + 1]
-    size: float = larger_of(abs(r * az), scene.l * abs(r * ao))
+    table[LOAD + n + 1] = numbers.m * numbers.g * side * table[COSINE + n + 1]
+    size: float = larger_of(abs(r * az), numbers.l * abs(r * ao))
     if parts.free:
         for p in range(BALL, STATE + len(x) * NEXT, 2 * NEXT):
             size = larger_of(size, abs(table[p + NEXT + n + 1]))
     return size
 
 
-def _write_friction(n: int, length: int, parts: Parts, scene: SceneNumbers, table: Table) -> None:
+def _write_friction(n: int, length: int, parts: Parts, numbers: SceneNumbers, table: Table) -> None:
     """Write the coefficients of order n of the friction of each ball, the sum of all laws."""
     balls = length // 2 - 2
     for ball in range(balls):
@@ -151,7 +151,7 @@ def _write_friction(n: int, length: int, parts: Parts, scene: SceneNumbers, tabl
         for i, (key, law) in enumerate(FRICTION.items()):
             if parts.friction[i]:
                 work = STATE + (length + balls + (ball * len(FRICTION) + i) * WORK_ROWS) * NEXT
-                force += law.series(n, getattr(scene, key), table, vp, LOAD, work)
+                force += law.series(n, getattr(numbers, key), table, vp, LOAD, work)
         table[STATE + (length + ball) * NEXT + n] = force
 
 
@@ -159,13 +159,13 @@ _LAWS = {f"law{i}": inlined(law.series) for i, law in enumerate(FRICTION.values(
 
 
 @specialised(_write_friction)
-def _friction(n: types.Type, length: types.Type, parts: types.Type, scene: types.Type, table: types.Type) -> Any:
+def _friction(n: types.Type, length: types.Type, parts: types.Type, numbers: types.Type, table: types.Type) -> Any:
     """Write the sum of all laws; the compiler removes those that the scene lacks."""
-    lines = ["def write(n, length, parts, scene, table):", " balls = length // 2 - 2", " for ball in range(balls):"]
+    lines = ["def write(n, length, parts, numbers, table):", " balls = length // 2 - 2", " for ball in range(balls):"]
     lines += ["  force, vp = 0.0, BALL + (2 * ball + 1) * NEXT"]
     for i, key in enumerate(FRICTION):
         work = f"STATE + (length + balls + (ball * {len(FRICTION)} + {i}) * {WORK_ROWS}) * NEXT"
-        lines += [f"  if parts.friction[{i}]:", f"   force += law{i}(n, scene.{key}, table, vp, LOAD, {work})"]
+        lines += [f"  if parts.friction[{i}]:", f"   force += law{i}(n, numbers.{key}, table, vp, LOAD, {work})"]
     lines += ["  table[STATE + (length + ball) * NEXT + n] = force"]
     known: dict[str, Any] = {**_LAWS, "STATE": STATE, "BALL": BALL, "NEXT": NEXT, "LOAD": LOAD, "__name__": __name__}
     exec("\n".join(lines), known)
@@ -173,30 +173,30 @@ def _friction(n: types.Type, length: types.Type, parts: types.Type, scene: types
 
 
 @inlined
-def _hands(n: int, parts: Parts, scene: SceneNumbers, table: Table) -> tuple[float, float]:
+def _hands(n: int, parts: Parts, numbers: SceneNumbers, table: Table) -> tuple[float, float]:
     """Return the force on a board without balls and weight, and the difference of the hands' forces, of order n [N]."""
     left, right, z, vz = table[LEFT + n], table[RIGHT + n], table[HEIGHT + n], table[HEAVE + n]
-    arm, arm_rate = scene.l * table[SINE + n], scene.l * table[SWING + n]
-    k, d = scene.k_left + scene.k_right, scene.c_left + scene.c_right
-    force = (left + right) - (k + scene.k_s) * z - (d + scene.b_z) * vz
+    arm, arm_rate = numbers.l * table[SINE + n], numbers.l * table[SWING + n]
+    k, d = numbers.k_left + numbers.k_right, numbers.c_left + numbers.c_right
+    force = (left + right) - (k + numbers.k_s) * z - (d + numbers.b_z) * vz
     turn = (right - left) - k * arm - d * arm_rate
     if not parts.even:
-        k, d = scene.k_right - scene.k_left, scene.c_right - scene.c_left
+        k, d = numbers.k_right - numbers.k_left, numbers.c_right - numbers.c_left
         force -= k * arm + d * arm_rate
         turn -= k * z + d * vz
     return force, turn
 
 
 @inlined
-def _paper(n: int, r: float, length: int, parts: Parts, scene: SceneNumbers, table: Table) -> tuple[float, float]:
+def _paper(n: int, r: float, length: int, parts: Parts, numbers: SceneNumbers, table: Table) -> tuple[float, float]:
     """Return the accelerations of heave and tilt of order n by the paper's equations; write those of the balls."""
     weight = 0.0
-    force, turn = _hands(n, parts, scene, table)
+    force, turn = _hands(n, parts, numbers, table)
     if n == 0:
-        force -= scene.M * scene.g
+        force -= numbers.M * numbers.g
     if parts.loaded:
-        weight = scene.m * scene.g * (1.0 if parts.free else scene.fixed_load)
-    table[TURN + n] = scene.l * turn - weight * table[PLACE + n]
+        weight = numbers.m * numbers.g * (1.0 if parts.free else numbers.fixed_load)
+    table[TURN + n] = numbers.l * turn - weight * table[PLACE + n]
     torque, level = 0.0, 0.0
     if parts.tilts:
         fall, swing = 0.0, 0.0
@@ -215,15 +215,15 @@ def _paper(n: int, r: float, length: int, parts: Parts, scene: SceneNumbers, tab
     if parts.loaded:
         force -= (length // 2 - 2) * weight * level
     if parts.damped:
-        torque -= scene.b_theta * table[OMEGA + n]
+        torque -= numbers.b_theta * table[OMEGA + n]
     if parts.free:
         for ball in range(length // 2 - 2):
-            ap = scene.ball_gravity * table[SINE + n]
+            ap = numbers.ball_gravity * table[SINE + n]
             if parts.resisted:
-                ap -= scene.mass_ratio * (1.0 / scene.m) * table[STATE + (length + ball) * NEXT + n]
+                ap -= numbers.mass_ratio * (1.0 / numbers.m) * table[STATE + (length + ball) * NEXT + n]
             table[BALL + (2 * ball + 1) * NEXT + n + 1] = r * ap
-    az = force * (1.0 / scene.M) if parts.heaves else 0.0
-    return az, torque * (1.0 / scene.I) if parts.tilts else 0.0
+    az = force * (1.0 / numbers.M) if parts.heaves else 0.0
+    return az, torque * (1.0 / numbers.I) if parts.tilts else 0.0
 
 
 @inlined
@@ -233,12 +233,12 @@ def _lagrangian(
     x: State,
     mass: tuple[float, float, float],
     parts: Parts,
-    scene: SceneNumbers,
+    numbers: SceneNumbers,
     table: Table,
 ) -> tuple[float, float]:
     """Return the accelerations of heave and tilt of order n by Lagrange's equations; write those of the balls."""
-    force, turn = _hands(n, parts, scene, table)
-    table[TURN + n] = scene.l * turn
+    force, turn = _hands(n, parts, numbers, table)
+    table[TURN + n] = numbers.l * turn
     torque, fall, swing = 0.0, 0.0, 0.0
     for k in range(1, n + 1):
         fall += table[OMEGA + k] * table[SINE + n - k]
@@ -250,35 +250,35 @@ def _lagrangian(
         table[SINE + n + 1], table[COSINE + n + 1] = r * table[SWING + n], -(r * fall)
         table[SWING + n + 1] = swing + table[OMEGA] * table[COSINE + n + 1]
     if n == 0:
-        force -= scene.M * scene.g
+        force -= numbers.M * numbers.g
     if parts.damped:
-        torque -= scene.b_theta * table[OMEGA + n]
+        torque -= numbers.b_theta * table[OMEGA + n]
     if parts.loaded and parts.free:
-        more, turning, along = _free_balls(n, r, x, parts, scene, table)
+        more, turning, along = _free_balls(n, r, x, parts, numbers, table)
         force, torque = force + more, torque + turning
     elif parts.loaded:
-        more, turning = _fixed_balls(n, x, parts, scene, table)
+        more, turning = _fixed_balls(n, x, parts, numbers, table)
         force, torque = force + more, torque + turning
     az, ao = solved(mass[0], mass[1], mass[2], force, torque, parts)
     table[LIFT + n] = az
     if parts.free:
         for vp in range(BALL + NEXT, STATE + len(x) * NEXT, 2 * NEXT):
-            rolled = scene.mass_ratio * (table[vp + n + 1] - table[SINE] * az)
-            table[vp + n + 1] = r * (rolled + scene.ball_height * ao)
-        slid = scene.mass_ratio * (along - (len(x) // 2 - 2) * table[SINE] * az)
+            rolled = numbers.mass_ratio * (table[vp + n + 1] - table[SINE] * az)
+            table[vp + n + 1] = r * (rolled + numbers.ball_height * ao)
+        slid = numbers.mass_ratio * (along - (len(x) // 2 - 2) * table[SINE] * az)
         table[SLIDE + n + 1] = r * slid
     return az, ao
 
 
 @inlined
 def _free_balls(
-    n: int, r: float, x: State, parts: Parts, scene: SceneNumbers, table: Table
+    n: int, r: float, x: State, parts: Parts, numbers: SceneNumbers, table: Table
 ) -> tuple[float, float, float]:
     """Return what balls add to the force and the torque of order n, without accelerations of order n.
 
     Write the force along the board on each ball over its mass, in the row of its speed; return its sum, too.
     """
-    m, g, balls = scene.m, scene.g, len(x) // 2 - 2
+    m, g, balls = numbers.m, numbers.g, len(x) // 2 - 2
     # All sums in one loop; their terms with coefficients that it makes, or that are known already, stand outside.
     arm, spin, sliding, swaying, lifted, lifting, turning = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     table[LIFT + n] = 0.0
@@ -317,18 +317,18 @@ def _free_balls(
     turning += table[OMEGA] * table[SQUARE + n + 1]
     # SWING of order n + 1 lacks the term with the acceleration of tilt still.
     sway = (n + 1) * (sliding + swaying + table[PLACE] * table[SWING + n + 1])
-    force = -m * (sway + table[SINE] * scene.mass_ratio * along)
+    force = -m * (sway + table[SINE] * numbers.mass_ratio * along)
     if n == 0:
         force -= balls * m * g
-    torque = m * (scene.ball_height * flung - g * arm - lifted - (n + 1) * turning)
-    return force, torque - scene.ball_height * friction, along
+    torque = m * (numbers.ball_height * flung - g * arm - lifted - (n + 1) * turning)
+    return force, torque - numbers.ball_height * friction, along
 
 
 @inlined
-def _fixed_balls(n: int, x: State, parts: Parts, scene: SceneNumbers, table: Table) -> tuple[float, float]:
+def _fixed_balls(n: int, x: State, parts: Parts, numbers: SceneNumbers, table: Table) -> tuple[float, float]:
     """Return what fixed balls add to the force and the torque of order n, without accelerations of order n."""
-    m, g, balls = scene.m * scene.fixed_load, scene.g, len(x) // 2 - 2
-    place, height = table[PLACE], balls * scene.ball_height
+    m, g, balls = numbers.m * numbers.fixed_load, numbers.g, len(x) // 2 - 2
+    place, height = table[PLACE], balls * numbers.ball_height
     arm, sinking, lifted = place * table[COSINE + n] - height * table[SINE + n], 0.0, 0.0
     table[ARM + n] = arm
     for k in range(n + 1):
