@@ -11,10 +11,12 @@ from collections.abc import Callable
 from functools import cache
 from statistics import median
 from time import process_time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, make_attribute_wrapper, models, register_model
 
 from netboard.base.compiled import borrowed, fast, relaxed, specialised
 from netboard.base.tables.scene import Physics
@@ -51,20 +53,46 @@ DRIVES = 8
 """Coefficients of both drives in an interval [1]."""
 
 
-class LaneTable(NamedTuple):
-    """A table of Taylor coefficients, or of drives, whose elements are lanes."""
+class LaneTable(types.Type):
+    """A table of Taylor coefficients, or of drives, whose elements are lanes: a tuple could have no constant places."""
 
-    values: Any
+    def __init__(self, values: Any) -> None:
+        """Set the type of the array with its values."""
+        self.values = values
+        super().__init__(name=f"lane_table({values})")
 
 
-def _is_lane_table(table: Any) -> bool:
-    return isinstance(table, types.BaseNamedTuple) and getattr(table, "instance_class", None) is LaneTable
+_Struct: Any = models.StructModel
+_proxy: Any = cgutils.create_struct_proxy
+
+
+def _make_model(manager: Any, table: LaneTable) -> Any:
+    return _Struct(manager, table, [("values", table.values)])
+
+
+register_model(LaneTable)(_make_model)
+make_attribute_wrapper(LaneTable, "values", "values")
+
+
+def _make_table(context: Any, values: Any) -> Any:
+    """Make a table of a borrowed array."""
+    table = LaneTable(values)
+
+    def write(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = _proxy(table)(target, builder)
+        made.values = arguments[0]
+        return made._getvalue()
+
+    return table(values), write
+
+
+lane_table: Any = intrinsic(_make_table)
 
 
 @specialised(operator.getitem)
 def _coefficient(table: Any, place: Any) -> Any:
     """Let compiled code read a place as lanes; that of drives has a row and a column."""
-    if not _is_lane_table(table):
+    if not isinstance(table, LaneTable):
         return None
     if isinstance(place, types.BaseTuple):
         return lambda table, place: lanes_at(table.values, (place[0] * DRIVES + place[1]) * LANES, LANES)
@@ -74,7 +102,7 @@ def _coefficient(table: Any, place: Any) -> Any:
 @specialised(operator.setitem)
 def _set_coefficient(table: Any, place: Any, value: Any) -> Any:
     """Let compiled code write a place."""
-    if not _is_lane_table(table):
+    if not isinstance(table, LaneTable):
         return None
     if isinstance(value, types.Float | types.Integer):
         return lambda table, place, value: _fill(table.values, place * LANES, float(value))
@@ -110,7 +138,7 @@ def make_taylor_lanes(PARTS: Parts) -> Callable[[Array, Array, Array, float, int
     def march(
         x: Any, hands: Any, lengths: Any, tolerance: float, order: int, scenes: Any, values: Any, out: Any
     ) -> int:
-        table, drives, scene = LaneTable(borrowed(values)), LaneTable(borrowed(hands)), scenes[0]
+        table, drives, scene = lane_table(borrowed(values)), lane_table(borrowed(hands)), scenes[0]
         y = (
             lanes_at(x, 0, LANES),
             lanes_at(x, LANES, LANES),
