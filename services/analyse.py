@@ -67,6 +67,5 @@ def analyse(
     read = lambda: load_readings(settings, overrides)  # noqa: E731
     console = plain_console(soft_wrap=True)
     with interrupted_by_stop_signals():
-        lines = analysing.analyse(recordings, output, settings, overrides or (), chosen, read)
-    for line in lines:
-        console.print(line)
+        for line in analysing.analyse(recordings, output, settings, overrides or (), chosen, read):
+            console.print(line)

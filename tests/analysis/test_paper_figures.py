@@ -16,7 +16,7 @@ from netboard.analysis.topics.classes import classes as find_classes
 from netboard.analysis.topics.delay import delay as find_delay
 from netboard.analysis.topics.dyads import dyads as find_dyads
 from netboard.analysis.topics.everything import PAPER_FIGURES as PAPER
-from netboard.analysis.topics.everything import pictures
+from netboard.analysis.topics.everything import PICTURES, drawn
 from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.groups import CLASSES
 from netboard.analysis.topics.learning import learning as find_learning
@@ -116,7 +116,7 @@ def test_single_dyad_with_few_trials_is_drawn_or_skipped(draw: Callable[[StudyDa
 
 @pytest.mark.slow
 def test_figures_have_unique_names(study: StudyData) -> None:
-    names = [picture.name for picture in pictures(study)]
+    names = [drawn(study, draw).name for draw in PICTURES]
     assert len(set(names)) == len(names)
     assert names[:6] == ["primary", "learning", "dyads", "classes", "strategy", "delay"]
 

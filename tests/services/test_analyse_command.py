@@ -14,8 +14,8 @@ from typer.testing import CliRunner, Result
 import sampling
 from made_recordings import recorded, two_trials
 from netboard.analysis.extraction.store import TABLES
-from netboard.analysis.report.folder import KINDS
 from netboard.analysis.topics import everything
+from netboard.analysis.topics.figure import KINDS
 from netboard.recording.export import formats
 from netboard.services.cli import app
 from rehearsed_study import small_study
@@ -68,7 +68,7 @@ def analyse(*words: str | Path) -> Result:
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no figures: they take most of the time of a small study."""
-    monkeypatch.setattr("netboard.analysis.report.folder.pictures", lambda study: [])
+    monkeypatch.setattr(everything, "PICTURES", ())
 
 
 def refused(result: Result) -> str:

@@ -100,11 +100,15 @@ def _values(column: Any, kind: str) -> NDArray[Any]:
 
 
 class PathTable(Mapping[str, pd.DataFrame]):
-    """Paths of each recording by its name, read on each access."""
+    """Paths of each recording by its name, read on each access; another process can read them, too."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, places: Mapping[str, Path] | None = None) -> None:
         self._folder, self._streams = folder, Streams(None)
-        self._places: dict[str, Path] = {}
+        self._places = dict(places or {})
+
+    def __reduce__(self) -> tuple[type["PathTable"], tuple[Path, dict[str, Path]]]:
+        """Return what another process needs to read the paths."""
+        return PathTable, (self._folder, self._places)
 
     def put(self, measured: Measured) -> None:
         """Store the paths of a recording."""

@@ -17,7 +17,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
@@ -169,15 +169,18 @@ def digests_of(paths: Sequence[Path], digest: Callable[[Path], str] = sha256_of)
         return dict(zip(paths, pool.map(digest, paths), strict=True))
 
 
-def store_analysis(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
-    """Store an analysis."""
+def store_analysis(
+    store: Store, key: str, folder: Path, words: Sequence[str], instead: Mapping[str, bytes] | None = None
+) -> None:
+    """Store an analysis, with other contents `instead` of those of some files."""
     files = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        content = path.read_bytes()
+        place = path.relative_to(folder).as_posix()
+        content = (instead or {}).get(place) or path.read_bytes()
         name = f"{hashlib.sha256(content).hexdigest()}{FILE}"
         if store.get(name) is None:
             store.put(name, content)
-        files[path.relative_to(folder).as_posix()] = name
+        files[place] = name
     store.put(f"{key}{ANALYSIS}", json.dumps({"files": files, "words": list(words)}).encode())
     store.trim()
 

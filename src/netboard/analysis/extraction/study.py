@@ -92,9 +92,12 @@ class StudyData:
         return (*own, *(field for field in self.factor_fields if field.name not in there))
 
     def with_factors(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Add the columns of the factors to rows of trials."""
+        """Add the columns of the factors to rows of trials, of which each may have many."""
         places = dict(zip(self.blocks["recording"], range(len(self.blocks)), strict=True))
-        return rows.assign(**_factor_columns(self.levels, [places[one] for one in rows["recording"]], rows["trial"]))
+        trials = rows.drop_duplicates(["recording", "trial"])
+        at = rows.groupby(["recording", "trial"], sort=False).ngroup().to_numpy()
+        columns = _factor_columns(self.levels, [places[one] for one in trials["recording"]], trials["trial"])
+        return rows.assign(**{name: values[at] for name, values in columns.items()})
 
     @property
     def analysed(self) -> pd.DataFrame:

@@ -5,11 +5,18 @@ ends too early gives an error in one line.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
 from contextlib import AbstractContextManager, contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
@@ -44,6 +51,21 @@ def processes(workers: int) -> WorkerPool:
             pool.shutdown(cancel_futures=True)
 
     return workers_of
+
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def begun(executor: Executor | None, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R]]:
+    """Begin all tasks, and return an iterator over those that are done with their results, in any order.
+
+    Without an executor this process does each task when the iterator is asked for it.
+    """
+    if executor is None:
+        return ((task, function(task)) for task in tasks)
+    futures = {executor.submit(function, task): task for task in tasks}
+    return ((futures[future], future.result()) for future in as_completed(futures))
 
 
 def dask(address: str, patience: float = TIMEOUT, root: str = ROOT) -> WorkerPool:

@@ -8,10 +8,11 @@ import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from markupsafe import escape
@@ -22,17 +23,19 @@ from netboard.base.errors import ConfigError
 from netboard.base.files.new import refuse_existing
 from netboard.base.process.resources import peak_memory
 from netboard.base.terminal.bars import telling
-from netboard.recording.export.formats import Progress, need, new_folder
+from netboard.recording.export.formats import Progress, need, scratch_folder
 from netboard.recording.files.locate import UNFINISHED, find_recordings, find_unfinished
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.running import Extraction
     from netboard.analysis.extraction.settings import Readings
     from netboard.analysis.extraction.study import StudyData
-    from netboard.analysis.extraction.workers import WorkerPool
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """Packages that an analysis needs beyond those of a session."""
+
+QUOTING = ("provenance.json", "report.html")
+"""Files that quote the command."""
 
 PLACEHOLDER = "@command-of-this-analysis@"
 """Stands for the command until all other files, which do not depend on it, are written."""
@@ -57,11 +60,11 @@ def analyse(
     overrides: Sequence[str],
     chosen: AnalysisOptions,
     read: "Callable[[], Readings]",
-) -> list[str]:
-    """Analyse recordings into a new folder, named after the first unless given, and return a summary of a few lines.
+) -> Iterator[str]:
+    """Analyse recordings into a new folder, named after the first unless given; yield what to say of it, line by line.
 
     The settings are a file, or None for the defaults, with overrides. `read` reads them, only if the analysis is not in
-    the cache.
+    the cache. The folder appears with the tables and the beginning of the report; the rest follows.
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)
@@ -71,62 +74,132 @@ def analyse(
     refuse_existing(folder)
     recordings, unfinished = find_recordings(named), find_unfinished(named)
     store = Store(chosen.cache or default_folder()) if chosen.keep else None
-    with telling() as tell, new_folder(folder) as part:
-        tell("reading the cache", 0, 1)
-        text = settings.read_bytes() if settings is not None and settings.is_file() else b""
-        options = (*overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
-        key = key_of_analysis(recordings, text, options) if store else ""
-        words = restore_analysis(store, key, part) if store else None
-        before, peak = "; all were cached", 0.0
-        if words is None:
-            words, kept, peak = _analysed(recordings, unfinished, part, read(), chosen, store, tell)
-            before = f"; {amount(kept)} from the cache" if kept else ""
+    with scratch_folder(folder) as scratch:
+        (whole := scratch / "whole").mkdir()
+        with telling() as tell:
+            tell("reading the cache", 0, 1)
+            text = settings.read_bytes() if settings is not None and settings.is_file() else b""
+            options = (*overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
+            key = key_of_analysis(recordings, text, options) if store else ""
+            words = restore_analysis(store, key, whole) if store else None
+        if words is not None:
+            name_command(whole, _command())
+            publish(whole, folder)
+            first, *others = words
+            yield from (f"{first}; all were cached", *others)
+            peak = 0.0
+        else:
+            found = _Analysis(recordings, unfinished, scratch, folder, chosen, store)
+            words = yield from found.lines(read, began)
+            peak = found.peak
             if store:
-                store_analysis(store, key, part, words)
-        name_command(part, ["netboard", *sys.argv[1:]])
-    first, *others = words
-    return [f"{first}{before}", *others, _in_total(folder, time.perf_counter() - began, peak)]
+                store_analysis(store, key, folder, words, found.unnamed)
+    yield _in_total(folder, time.perf_counter() - began, peak)
 
 
-def _analysed(
-    recordings: Sequence[Path],
-    unfinished: Sequence[Path],
-    part: Path,
-    readings: "Readings",
-    chosen: AnalysisOptions,
-    store: Store | None,
-    tell: Progress,
-) -> tuple[tuple[str, ...], int, float]:
-    """Analyse recordings into a folder.
+class _Analysis:
+    """An analysis that is not in the cache.
 
-    Return a summary in words, how many recordings came from the cache, and the largest memory of a process [bytes].
+    After `lines`: the largest memory of a process that worked for it, in bytes, and the files that quote the command,
+    without it.
     """
-    from netboard.analysis.extraction.cache import Cache, PathTable
-    from netboard.analysis.extraction.exclusions import require_recordings
-    from netboard.analysis.extraction.running import LeftOut, extract
-    from netboard.analysis.extraction.study import study_of
-    from netboard.analysis.report.folder import write_analysis
 
-    cache = None if store is None else Cache(store)
-    require_recordings(readings.exclusions, {path.stem for path in recordings})
-    with TemporaryDirectory(dir=part) as paths:
-        found = extract(recordings, readings, _pool(chosen), cache, PathTable(Path(paths)), tell, skip=chosen.skip)
-        parts = tuple(LeftOut(path.name, UNFINISHED) for path in unfinished)
+    def __init__(
+        self,
+        recordings: Sequence[Path],
+        unfinished: Sequence[Path],
+        scratch: Path,
+        folder: Path,
+        chosen: AnalysisOptions,
+        store: Store | None,
+    ) -> None:
+        self._recordings, self._unfinished = recordings, unfinished
+        self._scratch, self._folder, self._chosen, self._store = scratch, folder, chosen, store
+        self.peak = 0.0
+        self.unnamed: dict[str, bytes] = {}
+
+    def lines(self, read: "Callable[[], Readings]", began: float) -> Generator[str, None, tuple[str, ...]]:
+        """Analyse, and yield what to say as soon as it is known; return what to say of it again from the cache."""
+        from netboard.analysis.extraction.workers import processes
+        from netboard.analysis.report.folder import provenance, write_first_part, write_second_part
+        from netboard.analysis.topics.everything import share
+        from netboard.base.process.workers import cores
+
+        count = self._chosen.workers or cores()
+        with processes(count)(self._recordings) as executor:
+            pool = executor if isinstance(executor, ProcessPoolExecutor) else None
+            with telling() as tell:
+                study, found = self._measured(read(), executor, tell)
+                tell("tables", 0, 1)
+                shared = study if pool is None else share(study, self._scratch / "study")
+                origin = provenance(found, [PLACEHOLDER])
+                (first := self._scratch / "first").mkdir()
+                beside = self._chosen.beside_the_paper
+                figure = write_first_part(first, study, found, origin, pool, shared, tell, beside_the_paper=beside)
+                self._name(first)
+                publish(first, self._folder)
+            words = tuple(_in_words(study, found))
+            kept = sum(source.cached for source in found.sources)
+            yield f"{words[0]}; {amount(kept)} from the cache" if kept else words[0]
+            yield from words[1:]
+            yield (
+                f"tables and answer: {self._folder / 'tables'}, {self._folder / 'report.html'}; "
+                f"{time.perf_counter() - began:.1f} s. Results and figures follow."
+            )
+            with telling() as tell:
+                (rest := self._scratch / "rest").mkdir()
+                lost, peak = write_second_part(rest, study, origin, pool, shared, tell, figure, beside_the_paper=beside)
+                self._name(rest)
+                add(rest, self._folder)
+        self.peak = max(found.peak, peak)
+        warnings = tuple(f"warning: {one}" for one in lost)
+        yield from warnings
+        return (*words, *warnings)
+
+    def _measured(self, readings: "Readings", executor: Executor, tell: Progress) -> "tuple[StudyData, Extraction]":
+        """Measure the recordings, and join their tables to a study."""
+        from netboard.analysis.extraction.cache import Cache, PathTable
+        from netboard.analysis.extraction.exclusions import require_recordings
+        from netboard.analysis.extraction.running import LeftOut, extract
+        from netboard.analysis.extraction.study import study_of
+        from netboard.analysis.extraction.workers import dask
+
+        chosen = self._chosen
+        require_recordings(readings.exclusions, {path.stem for path in self._recordings})
+        pool = (lambda recordings: nullcontext(executor)) if chosen.dask is None else dask(chosen.dask)
+        cache = None if self._store is None else Cache(self._store)
+        (paths := self._scratch / "paths").mkdir()
+        found = extract(self._recordings, readings, pool, cache, PathTable(paths), tell, skip=chosen.skip)
+        parts = tuple(LeftOut(path.name, UNFINISHED) for path in self._unfinished)
         found = replace(found, left_out=(*found.left_out, *parts))
-        study = study_of(found.measured, readings, found.paths)
-        lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=chosen.beside_the_paper)
-    words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
-    return words, sum(source.cached for source in found.sources), found.peak
+        return study_of(found.measured, readings, found.paths), found
+
+    def _name(self, part: Path) -> None:
+        """Write the command into the files that quote it, and keep them without it for the cache."""
+        for name in QUOTING:
+            if (path := part / name).exists():
+                self.unnamed[name] = path.read_bytes()
+        name_command(part, _command())
 
 
-def _pool(chosen: AnalysisOptions) -> "WorkerPool":
-    """Choose the workers that extract the measures."""
-    from netboard.analysis.extraction.workers import dask, processes
-    from netboard.base.process.workers import cores
+def _command() -> list[str]:
+    """Return the command line of this process."""
+    return ["netboard", *sys.argv[1:]]
 
-    if chosen.dask is None:
-        return processes(chosen.workers or cores())
-    return dask(chosen.dask)
+
+def publish(part: Path, folder: Path) -> None:
+    """Give a complete folder its name."""
+    refuse_existing(folder)
+    part.rename(folder)
+
+
+def add(part: Path, folder: Path) -> None:
+    """Move complete files to others in a folder, the report last."""
+    for path in sorted(part.rglob("*"), key=lambda path: (-len(path.parts), path)):
+        if path.is_file():
+            place = folder / path.relative_to(part)
+            place.parent.mkdir(exist_ok=True)
+            path.replace(place)
 
 
 def _in_words(study: "StudyData", found: "Extraction") -> Iterator[str]:
@@ -166,4 +239,6 @@ def name_command(folder: Path, command: Sequence[str]) -> None:
     written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], "report.html": str(escape(visible(text)))}
     for name, shown in written.items():
         path = folder / name
+        if not path.exists():  # the second part of an analysis has no provenance
+            continue
         path.write_bytes(path.read_bytes().replace(PLACEHOLDER.encode(), shown.encode()))

@@ -7,8 +7,10 @@ file records the time or the machine of the analysis.
 import json
 import platform
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,9 +23,10 @@ from netboard.analysis.extraction.running import Extraction, LeftOut
 from netboard.analysis.extraction.settings import resolve
 from netboard.analysis.extraction.study import FIELDS_IN_STUDY, StudyData
 from netboard.analysis.extraction.tables import TableKind, words, written
-from netboard.analysis.report.html import write_report
-from netboard.analysis.topics.everything import NOT_COMPUTED, pictures, results_of
-from netboard.analysis.topics.figure import TopicFigure, as_bytes
+from netboard.analysis.extraction.workers import begun
+from netboard.analysis.report.html import write_beginning, write_report
+from netboard.analysis.topics.everything import NOT_COMPUTED, Shared, everything_of, primary_figure, study_in
+from netboard.analysis.topics.figure import WrittenFigure
 from netboard.analysis.topics.paper import COMPARISON, compare
 from netboard.analysis.topics.performers import PEOPLE, people_of
 from netboard.analysis.topics.result import RESULTS
@@ -33,15 +36,14 @@ from netboard.recording.export.tabular import open_csv, open_parquet, write_dict
 SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")
 """Software whose versions are recorded."""
 
-KINDS = ("svg", "pdf", "png")
-"""File formats of each figure."""
-
 LEFT_OUT = (words("file", "file name of the recording"), words("why", "why it could not be measured"))
 """Columns of the table of recordings that were left out."""
 
 PORTION = 20_000
 """Rows of a table that are written at a time [1]."""
 
+RESULTS_TABLE = TableKind("results", "one reported number", RESULTS)
+"""Table of the results."""
 
 TABLES = (
     TableKind("blocks", "one recording", FIELDS_IN_STUDY["blocks"]),
@@ -55,7 +57,7 @@ TABLES = (
     TableKind(
         "left_out", "one recording that could not be measured, is unfinished, or is a copy of another one", LEFT_OUT
     ),
-    TableKind("results", "one reported number", RESULTS),
+    RESULTS_TABLE,
 )
 """Tables of every analysis."""
 
@@ -67,67 +69,114 @@ BESIDE_THE_PAPER = TableKind(
 PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which are long, as Parquet only"
 
 
-def write_analysis(
+def write_first_part(
     folder: Path,
     study: StudyData,
     extracted: Extraction,
-    command: Sequence[str],
+    origin: Mapping[str, Any],
+    executor: Executor | None,
+    shared: Shared,
     progress: Progress,
     *,
     beside_the_paper: bool = False,
-) -> tuple[str, ...]:
-    """Write all files of an analysis: the tables first, then figures and report."""
-    progress("numbers", 0, 3)
-    results = results_of(study)
-    comparison = compare(study) if beside_the_paper else None
-    origin = provenance(extracted, command)
+) -> WrittenFigure | None:
+    """Write all tables but those of results, the settings, and the beginning of the report; return its figure."""
+    (tables := folder / "tables").mkdir()
+    written = begun(executor, partial(write_measures, tables, shared, extracted.left_out), SHARES)
+    progress("tables", 0, len(SHARES))
+    _write_dictionary(tables, study, beside_the_paper=beside_the_paper)
     (folder / "settings.toml").write_text(resolve(study.readings), encoding="utf-8")
     text = json.dumps(origin, indent=1, ensure_ascii=False) + "\n"
     (folder / "provenance.json").write_text(text, encoding="utf-8")
-    write_tables(folder / "tables", study, results, extracted.left_out, comparison)
-    progress("figures", 1, 3)
-    drawn = list(pictures(study))
-    _write_pictures(folder / "figures", drawn)
-    progress("report", 2, 3)
-    write_report(folder, study, results, drawn, origin, comparison)
-    progress("report", 3, 3)
-    lost = results[results["quantity"] == NOT_COMPUTED]
-    return (
-        *(f"{topic} could not be computed: {why}" for topic, why in zip(lost["topic"], lost["note"], strict=True)),
-        *(f"figures/{picture.name}: {picture.caption}" for picture in drawn if picture.failed),
-    )
+    figure = primary_figure(study)
+    write_beginning(folder, study, figure, origin)
+    for done, _ in enumerate(written, start=1):
+        progress("tables", done, len(SHARES))
+    return None if figure is None else figure.written()
 
 
-def write_tables(
+def write_second_part(
     folder: Path,
     study: StudyData,
-    results: pd.DataFrame,
-    left_out: Sequence[LeftOut],
-    comparison: pd.DataFrame | None = None,
-) -> None:
+    origin: Mapping[str, Any],
+    executor: Executor | None,
+    shared: Shared,
+    progress: Progress,
+    figure: WrittenFigure | None,
+    *,
+    beside_the_paper: bool = False,
+) -> tuple[tuple[str, ...], float]:
+    """Write the results, all figures and the whole report; return warnings, and the peak memory of a process [B]."""
+    results, figures, peak = everything_of(study, shared, executor, figure, progress)
+    comparison = compare(study) if beside_the_paper else None
+    (tables := folder / "tables").mkdir()
+    write_results(tables, results, comparison)
+    _write_figures(folder / "figures", figures)
+    progress("report", 1, 2)
+    write_report(folder, study, results, figures, origin, comparison)
+    lost = results[results["quantity"] == NOT_COMPUTED]
+    warnings = (
+        *(f"{topic} could not be computed: {why}" for topic, why in zip(lost["topic"], lost["note"], strict=True)),
+        *(f"figures/{one.name}: {one.caption}" for one in figures if one.failed),
+    )
+    return warnings, peak
+
+
+def write_tables(folder: Path, study: StudyData, results: pd.DataFrame, left_out: Sequence[LeftOut]) -> None:
     """Write every table as Parquet and CSV, and the data dictionary."""
     folder.mkdir()
-    others = {
-        "results": results,
-        "people": people_of(study),
-        "left_out": pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT]),
-        "comparison": comparison,
-    }
-    every = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
-    kinds = [
-        replace(kind, fields=study.with_factor_fields(kind.fields)) if kind.name in OF_TRIALS else kind
-        for kind in every
-    ]
-    for kind in kinds:
+    for names in SHARES:
+        write_measures(folder, study, left_out, names)
+    write_results(folder, results)
+    _write_dictionary(folder, study)
+
+
+def write_measures(folder: Path, shared: Shared, left_out: Sequence[LeftOut], names: Sequence[str]) -> None:
+    """Write some tables, without those of results."""
+    study = study_in(shared)
+    for kind in _kinds(study, TABLES):
+        if kind.name not in names:
+            continue
         if kind.name == "paths":
             _write_paths(folder, kind, study)
+        elif kind.name == "left_out":
+            frame = pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT])
+            _write_table(folder, kind, frame)
         else:
-            _write_table(folder, kind, others[kind.name] if kind.name in others else _of_study(study, kind.name))
-    write_dictionary(folder, kinds, PLACES)
+            _write_table(folder, kind, people_of(study) if kind.name == "people" else _of_study(study, kind.name))
 
+
+def write_results(folder: Path, results: pd.DataFrame, comparison: pd.DataFrame | None = None) -> None:
+    """Write the results, and the comparison with the paper if there is one."""
+    _write_table(folder, RESULTS_TABLE, results)
+    if comparison is not None:
+        _write_table(folder, BESIDE_THE_PAPER, comparison)
+
+
+def _write_dictionary(folder: Path, study: StudyData, *, beside_the_paper: bool = False) -> None:
+    """Write the data dictionary of all tables."""
+    every = (*TABLES, BESIDE_THE_PAPER) if beside_the_paper else TABLES
+    write_dictionary(folder, _kinds(study, every), PLACES)
+
+
+SHARES = (
+    ("paths",),
+    ("movements",),
+    ("trials",),
+    ("blocks", "controls", "answers", "people", "exclusions", "left_out"),
+)
+"""Tables that one process writes after the other, the slowest ones first."""
 
 OF_TRIALS = ("blocks", "trials", "movements", "controls", "paths", "people", "exclusions")
 """Tables with factor columns."""
+
+
+def _kinds(study: StudyData, kinds: Sequence[TableKind]) -> list[TableKind]:
+    """Return kinds of tables with the factor columns of the study."""
+    return [
+        replace(kind, fields=study.with_factor_fields(kind.fields)) if kind.name in OF_TRIALS else kind
+        for kind in kinds
+    ]
 
 
 def _of_study(study: StudyData, name: str) -> pd.DataFrame:
@@ -151,13 +200,12 @@ def _write_table(folder: Path, kind: TableKind, frame: pd.DataFrame) -> None:
                 put(written(frame.iloc[first : first + PORTION], kind.fields))
 
 
-def _write_pictures(folder: Path, drawn: Sequence[TopicFigure]) -> None:
-    """Write each figure in all formats; a missing figure is replaced by the reason."""
+def _write_figures(folder: Path, figures: Sequence[WrittenFigure]) -> None:
+    """Write each figure in all formats; the reason for a missing figure replaces it."""
     folder.mkdir()
-    for picture in drawn:
-        shown = picture.shown
-        for kind in KINDS:
-            (folder / f"{picture.name}.{kind}").write_bytes(as_bytes(shown, kind))
+    for figure in figures:
+        for kind, file in figure.files.items():
+            (folder / f"{figure.name}.{kind}").write_bytes(file)
 
 
 def provenance(extracted: Extraction, command: Sequence[str]) -> dict[str, Any]:

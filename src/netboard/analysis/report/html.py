@@ -33,7 +33,7 @@ from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import amount, css_text, plural, visible
 from netboard.analysis.topics import testing
-from netboard.analysis.topics.figure import TopicFigure, as_bytes
+from netboard.analysis.topics.figure import TopicFigure, WrittenFigure
 from netboard.analysis.topics.primary import TOPIC
 from netboard.base.files.new import new_file
 from netboard.base.looks import DARK, LIGHT, ColourTheme
@@ -46,7 +46,7 @@ def write_report(
     folder: Path,
     study: StudyData,
     results: pd.DataFrame,
-    pictures: Sequence[TopicFigure],
+    pictures: Sequence[TopicFigure | WrittenFigure],
     provenance: Mapping[str, Any],
     comparison: pd.DataFrame | None = None,
 ) -> Path:
@@ -56,7 +56,7 @@ def write_report(
     ----------
     results : DataFrame
         Tidy table of all results, with the columns of `netboard.analysis.topics.result.RESULTS`.
-    pictures : sequence of TopicFigure
+    pictures : sequence of TopicFigure or WrittenFigure
         Figures in reading order; results belong to a figure by its name.
     provenance : mapping
         Provenance. ``recordings``: for every recording of the study, by name, a mapping with its ``file``, as a command
@@ -68,23 +68,14 @@ def write_report(
         the number ``reported``, its ``reported_sd`` or total ``reported_of``, the study's ``value`` with the columns of
         a result, and the ``verdict``.
     """
-    known = provenance["recordings"]
-    unknown = sorted(set(study.blocks["recording"]) - set(known))
-    if unknown:
-        raise ValueError(f"provenance: no recording {unknown[0]!r}; expected every recording of the study")
+    known = _known(study, provenance)
     drawings = drawings_of(pictures)
     titles = {one.name: one.title for one in drawings}
-    top = head(study, provenance)
     page = _template().render(
-        head=top,
-        question=question(study, results),
-        main=next((one for one in drawings if one.name == TOPIC), None),
-        running=Markup(css_text(f"netboard: study {top.title}")),
-        style=_style(),
+        **_beginning(study, results, provenance, drawings),
+        whole=True,
         summary=summary(results, titles),
         controls=controls_section(study),
-        few=few(study.counted["dyad"].nunique()),
-        design=design(study),
         participants=participants(study, provenance.get("handedness", {})),
         data_quality=data_quality(study, provenance.get("left_out", ())),
         drawn={one.name for one in drawings if one.number},
@@ -95,10 +86,47 @@ def write_report(
         settings=settings_grids(study.readings),
         software=software_grid(study, provenance["versions"]),
         recordings=recordings_grid(study, known),
-        command=provenance.get("command", ""),
         listings=listings(study, {recording: str(one["file"]) for recording, one in known.items()}),
         scale={"height": HEIGHT, "reach": reach(study), "longest": LONGEST, "lead": LEAD},
     )
+    return _written(folder, page)
+
+
+def write_beginning(folder: Path, study: StudyData, picture: TopicFigure | None, provenance: Mapping[str, Any]) -> Path:
+    """Write the beginning of a report: the question and its answer, with the figure of the primary outcome, if any."""
+    _known(study, provenance)
+    drawings = drawings_of([] if picture is None else [picture])
+    return _written(folder, _template().render(**_beginning(study, None, provenance, drawings), whole=False))
+
+
+def _known(study: StudyData, provenance: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    """Return the recordings of the provenance; refuse a study with another one."""
+    known: Mapping[str, Mapping[str, Any]] = provenance["recordings"]
+    unknown = sorted(set(study.blocks["recording"]) - set(known))
+    if unknown:
+        raise ValueError(f"provenance: no recording {unknown[0]!r}; expected every recording of the study")
+    return known
+
+
+def _beginning(
+    study: StudyData, results: pd.DataFrame | None, provenance: Mapping[str, Any], drawings: "Sequence[Drawing]"
+) -> dict[str, Any]:
+    """Return what the beginning of the page shows."""
+    top = head(study, provenance)
+    return {
+        "head": top,
+        "question": question(study, results),
+        "main": next((one for one in drawings if one.name == TOPIC), None),
+        "running": Markup(css_text(f"netboard: study {top.title}")),
+        "style": _style(),
+        "few": few(study.counted["dyad"].nunique()),
+        "design": design(study),
+        "command": provenance.get("command", ""),
+    }
+
+
+def _written(folder: Path, page: str) -> Path:
+    """Write the page, and return its path."""
     path = folder / NAME
     with new_file(path) as part:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -248,20 +276,20 @@ class Drawing:
     png: str = ""
 
 
-def drawings_of(pictures: Iterable[TopicFigure]) -> list[Drawing]:
+def drawings_of(pictures: Iterable[TopicFigure | WrittenFigure]) -> list[Drawing]:
     """Prepare figures for the page, numbered from 1; what could not be drawn has no number."""
     number = count(1)
-    return [drawing(one, 0 if one.figure is None else next(number)) for one in pictures]
+    return [drawing(one, 0 if one.absent else next(number)) for one in pictures]
 
 
-def drawing(picture: TopicFigure, number: int) -> Drawing:
+def drawing(picture: TopicFigure | WrittenFigure, number: int) -> Drawing:
     """Prepare a figure for the page."""
     words = picture.name, visible(picture.title), visible(picture.caption)
-    if picture.figure is None:
+    if picture.absent:
         return Drawing(*words)
-    file = as_bytes(picture.figure, "svg")
+    file = picture.file("svg")
     if len(file) > MAX_SVG:
-        data = base64.b64encode(as_bytes(picture.figure, "png")).decode("ascii")
+        data = base64.b64encode(picture.file("png")).decode("ascii")
         return Drawing(*words, number, png=f"data:image/png;base64,{data}")
     return Drawing(*words, number, svg=Markup(_inline(file, *words)))
 

@@ -52,8 +52,8 @@ class ReportHead:
     answer: DeclaredAnswer | None
 
 
-def question(study: StudyData, results: pd.DataFrame) -> ReportHead:
-    """Return the head of the report of a study, whose results are counted where nothing is declared."""
+def question(study: StudyData, results: pd.DataFrame | None) -> ReportHead:
+    """Return the head of the report of a study; its results, if known, are counted where nothing is declared."""
     found = _analysis(study)
     text = " / ".join(dict.fromkeys(one.question for one in study.declarations if one.question))
     done, conditions = tuple(_done(study, found)), _conditions(study)
@@ -116,9 +116,8 @@ def _of(have: int, every: int) -> str:
     return f"all {plural(every, 'recording')}" if have == every else f"{amount(have)} of {plural(every, 'recording')}"
 
 
-def _undeclared(study: StudyData, found: NoAnalysis, results: pd.DataFrame) -> Iterator[str]:
+def _undeclared(study: StudyData, found: NoAnalysis, results: pd.DataFrame | None) -> Iterator[str]:
     """Yield sentences on a report without a declared analysis."""
-    counts = results.loc[(results["topic"] == testing.TOPIC) & (results["quantity"] == testing.TESTS), "value"]
     if any(one.primary for one in study.declarations):
         yield f"The declared analysis is not in this report: {found.why}."
         for one, count in study.declarations.items():
@@ -126,9 +125,13 @@ def _undeclared(study: StudyData, found: NoAnalysis, results: pd.DataFrame) -> I
             yield f"{plural(count, 'recording')}: {what}."
     else:
         yield "This study declares no primary outcome and no contrast."
+    tests = "tests"
+    if results is not None:
+        counts = results.loc[(results["topic"] == testing.TOPIC) & (results["quantity"] == testing.TESTS), "value"]
+        tests = plural(int(counts.sum()), "test")
     yield (
         "So this report is exploratory: no test was chosen before the data were seen, and none of its "
-        f"{plural(int(counts.sum()), 'test')} counts more than another. Some p values are small by chance. Take what "
+        f"{tests} counts more than another. Some p values are small by chance. Take what "
         "it shows as a question for a study that declares it ([analysis] in the study file)."
     )
 

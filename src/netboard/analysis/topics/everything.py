@@ -2,15 +2,23 @@
 
 Each topic is a function of the study whose result object lists its rows. An error in one topic becomes a row of its
 own, an error in a figure becomes its caption; neither stops the others.
+
+`everything_of` distributes topics and figures over processes. Their number and order change no number and no figure.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import pickle
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from math import nan
+from pathlib import Path
 from typing import Protocol
 
 import pandas as pd
 
 from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.extraction.workers import begun
 from netboard.analysis.topics import (
     classes,
     contrasts,
@@ -31,8 +39,10 @@ from netboard.analysis.topics import (
     strategy,
     testing,
 )
-from netboard.analysis.topics.figure import TopicFigure, as_bytes
-from netboard.analysis.topics.result import UNCOMPUTABLE, Result, plain, table_of
+from netboard.analysis.topics.figure import TopicFigure, WrittenFigure, as_bytes
+from netboard.analysis.topics.result import UNCOMPUTABLE, Result, cached, plain, table_of
+from netboard.base.process.resources import peak_memory
+from netboard.recording.export.formats import Progress
 
 NOT_COMPUTED = "not computed"
 """Quantity of the result that replaces a topic after an error, which its note gives."""
@@ -47,6 +57,8 @@ class Computed(Protocol):
 
 
 Topic = Callable[[StudyData], Computed]
+
+Draw = Callable[[StudyData], TopicFigure]
 
 PAPER: tuple[Topic, ...] = (learning.learning, dyads.dyads, classes.classes, strategy.strategy, delay.delay)
 """Topics of the paper, in the order of its figures 2 to 6."""
@@ -114,13 +126,7 @@ PICTURES = (primary.picture, *PAPER_FIGURES, *MODERN_FIGURES)
 """All figures; that of the primary outcome comes first."""
 
 
-def pictures(study: StudyData) -> Iterator[TopicFigure]:
-    """Draw all figures, one at a time; only title and caption if the study has no data for one."""
-    for draw in PICTURES:
-        yield drawn(study, draw)
-
-
-def drawn(study: StudyData, draw: Callable[[StudyData], TopicFigure]) -> TopicFigure:
+def drawn(study: StudyData, draw: Draw) -> TopicFigure:
     """Draw a figure; an error is reported in its place, so that all others are unaffected."""
     try:
         picture = draw(study)
@@ -131,3 +137,106 @@ def drawn(study: StudyData, draw: Callable[[StudyData], TopicFigure]) -> TopicFi
         why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
         return TopicFigure(name, name.capitalize(), why, None, failed=True)
     return picture
+
+
+def primary_figure(study: StudyData) -> TopicFigure | None:
+    """Draw the figure of the primary outcome, if it is among the figures."""
+    return next((drawn(study, draw) for draw in PICTURES if draw is primary.picture), None)
+
+
+# --- in several processes --------------------------------------------------------------------------------------------
+
+Shared = StudyData | Path
+"""A study, or the file from which another process reads it."""
+
+SAME_NUMBERS = {"differences": "contrasts"}
+"""Figures that show the numbers of another topic."""
+
+SLOWEST_FIRST = ("influence", "models", "contrasts", "measures", "paths")
+"""Tasks that begin first, so that all processes end at about the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class StudyTask:
+    """Topics and figures with costly numbers in common."""
+
+    topics: tuple[Topic, ...]
+    draws: tuple[Draw, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TaskOutcome:
+    """Results and figures of a task by name, what its topics have found, and the peak memory of the process [B]."""
+
+    results: Mapping[str, tuple[Result, ...]]
+    found: tuple[object, ...]
+    figures: Mapping[str, WrittenFigure]
+    peak: float
+
+
+def everything_of(
+    study: StudyData, shared: Shared, executor: Executor | None, main: WrittenFigure | None, progress: Progress
+) -> tuple[pd.DataFrame, list[WrittenFigure], float]:
+    """Return all results and figures, and the peak memory of a process; `main` is the figure of the primary outcome."""
+    tasks = list(_tasks())
+    outcomes = begun(executor, partial(run_task, shared), tasks)
+    results: dict[str, tuple[Result, ...]] = {}
+    figures = {} if main is None else {main.name: main}
+    peak = 0.0
+    progress("results and figures", 0, len(tasks) + 1)
+    for done, (task, outcome) in enumerate(outcomes, start=1):
+        progress("results and figures", done, len(tasks) + 1)
+        for topic, found in zip(task.topics, outcome.found, strict=True):
+            if executor is not None and isinstance(topic, cached) and found is not None:
+                topic.adopt(study, found)
+        results |= outcome.results
+        figures |= outcome.figures
+        peak = max(peak, outcome.peak)
+    for topic in TOPICS:
+        if _name_of(topic) not in results:
+            results[_name_of(topic)] = results_in(study, topic)
+    rows = (row for topic in TOPICS for row in results[_name_of(topic)])
+    return table_of(rows), [figures[_name_of(draw)] for draw in PICTURES], peak
+
+
+def run_task(shared: Shared, task: StudyTask) -> TaskOutcome:
+    """Compute the topics of a task and draw its figures."""
+    study = study_in(shared)
+    results = {_name_of(topic): results_in(study, topic) for topic in task.topics}
+    found = tuple(topic.kept(study) if isinstance(topic, cached) else None for topic in task.topics)
+    figures = {_name_of(draw): drawn(study, draw).written() for draw in task.draws}
+    return TaskOutcome(results, found, figures, peak_memory())
+
+
+def share(study: StudyData, place: Path) -> Path:
+    """Write a study to a new file, from which other processes read it."""
+    with place.open("xb") as file:
+        pickle.dump(study, file, protocol=5)
+    return place
+
+
+def study_in(shared: Shared) -> StudyData:
+    """Return a shared study."""
+    return shared if isinstance(shared, StudyData) else _read(shared)
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path) -> StudyData:
+    """Read a study, once in each process."""
+    with path.open("rb") as file:
+        found: StudyData = pickle.load(file)
+    return found
+
+
+def _tasks() -> Iterator[StudyTask]:
+    """Yield the tasks, without what depends on the numbers of others, and without the primary outcome."""
+    own = (primary.primary, primary.picture, testing.families)
+    groups: dict[str, tuple[list[Topic], list[Draw]]] = {}
+    for place, functions in enumerate((TOPICS, PICTURES)):
+        for function in functions:
+            if function not in own:
+                name = _name_of(function)
+                groups.setdefault(SAME_NUMBERS.get(name, name), ([], []))[place].append(function)
+    for name in sorted(groups, key=lambda name: SLOWEST_FIRST.index(name) if name in SLOWEST_FIRST else len(groups)):
+        topics, draws = groups[name]
+        yield StudyTask(tuple(topics), tuple(draws))

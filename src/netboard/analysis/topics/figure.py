@@ -37,6 +37,9 @@ WIDTH = 7.0
 DPI = 200
 """Resolution of PNG files."""
 
+KINDS = ("svg", "pdf", "png")
+"""File formats of each figure of an analysis."""
+
 COLOURS = {"bimanual": BLUE, "dyadic": VERMILION}
 """Colour of each configuration, in all figures."""
 
@@ -68,9 +71,40 @@ class TopicFigure:
     failed: bool = False
 
     @property
+    def absent(self) -> bool:
+        """Whether there is no figure."""
+        return self.figure is None
+
+    @property
     def shown(self) -> "Figure":
         """The figure, or title and caption in its place."""
         return self.figure or _in_words(self.title, self.caption)
+
+    def file(self, kind: str) -> bytes:
+        """Return the figure, or title and caption in its place, as a file."""
+        return as_bytes(self.shown, kind)
+
+    def written(self) -> "WrittenFigure":
+        """Return the figure as files of all kinds."""
+        shown = self.shown
+        files = {kind: as_bytes(shown, kind) for kind in KINDS}
+        return WrittenFigure(self.name, self.title, self.caption, files, self.absent, self.failed)
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenFigure:
+    """A `TopicFigure` as files of all kinds, as another process has drawn it."""
+
+    name: str
+    title: str
+    caption: str
+    files: Mapping[str, bytes]
+    absent: bool
+    failed: bool
+
+    def file(self, kind: str) -> bytes:
+        """Return the figure, or title and caption in its place, as a file."""
+        return self.files[kind]
 
 
 def _in_words(title: str, caption: str) -> "Figure":

@@ -6,7 +6,7 @@ Values are in SI units; `netboard.analysis.topics.units` converts them for displ
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from functools import wraps
+from functools import update_wrapper
 from math import nan
 from typing import Generic, TypeVar
 from weakref import ref
@@ -93,16 +93,28 @@ MAX_CACHED = 4
 """Studies whose results are cached: the reported one, and those pooled from it [1]."""
 
 
-def cached(compute: Callable[[StudyData], T]) -> Callable[[StudyData], T]:
+class cached(Generic[T]):  # noqa: N801  # a decorator
     """Cache a costly computation for the most recent studies, which must not be changed."""
-    newest: deque[tuple[ref[StudyData], T]] = deque(maxlen=MAX_CACHED)
 
-    @wraps(compute)
-    def compute_once(study: StudyData) -> T:
-        for reference, result in newest:
-            if reference() is study:
-                return result
-        newest.append((ref(study), compute(study)))
-        return newest[-1][1]
+    def __init__(self, compute: Callable[[StudyData], T]) -> None:
+        self._compute = compute
+        self._newest: deque[tuple[ref[StudyData], T]] = deque(maxlen=MAX_CACHED)
+        update_wrapper(self, compute)
 
-    return compute_once
+    def __call__(self, study: StudyData) -> T:
+        """Return the result for a study."""
+        if not any(reference() is study for reference, _ in self._newest):
+            self.adopt(study, self._compute(study))
+        return next(result for reference, result in self._newest if reference() is study)
+
+    def kept(self, study: StudyData) -> T | None:
+        """Return the result for a study if it is kept."""
+        return next((result for reference, result in self._newest if reference() is study), None)
+
+    def adopt(self, study: StudyData, result: T) -> None:
+        """Keep the result for a study that another process has computed."""
+        self._newest.append((ref(study), result))
+
+    def __reduce__(self) -> str:
+        """Let another process import it by its name."""
+        return self._compute.__qualname__

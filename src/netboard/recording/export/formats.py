@@ -139,7 +139,17 @@ def _over_all(count: int, progress: Progress) -> Progress:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Create a folder that gets its name only when it is complete; after an error, nothing is left.
+    """Create a folder that gets its name only when it is complete; after an error, nothing is left."""
+    with scratch_folder(folder) as scratch:
+        (part := scratch / "new").mkdir()
+        yield part
+        refuse_existing(folder)
+        part.rename(folder)
+
+
+@contextmanager
+def scratch_folder(folder: Path) -> Iterator[Path]:
+    """Create a temporary folder beside a new one, for what is not complete, and remove it at the end.
 
     What is left of a process that was killed is removed when the folder is made again.
     """
@@ -155,8 +165,6 @@ def new_folder(folder: Path) -> Iterator[Path]:
             with suppress(OSError):  # a system without locks removes nothing either
                 locks.enter_context(_locked(part))
             yield part
-            refuse_existing(folder)
-            part.rename(folder)
         except NetboardError as error:
             if isinstance(error.__cause__, OSError) and str(part) in str(error):
                 raise error.__cause__ from None  # name the folder that was asked for, not the temporary one
