@@ -176,6 +176,29 @@ def test_compare_paper_adds_a_table_with_the_values_of_the_paper(study: Path, de
     assert not (default_output / "tables" / "comparison.csv").exists()
 
 
+def test_interrupted_analysis_leaves_final_tables_and_a_report_that_says_so(
+    study: Path, default_output: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(folder: Path, *parts: object, **options: object) -> None:
+        (folder / "report.html").write_text("half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("netboard.analysis.report.folder.write_second_part", interrupt)
+    assert analyse(study, "-o", "out", "--workers", "1", "--no-cache").exit_code != 0
+    out = Path("out")
+    written = {path.relative_to(out) for path in out.rglob("*") if path.is_file()}
+    assert {path.name for path in written if len(path.parts) == 1} == {"settings.toml", "provenance.json", "report.html"}
+    tables = {path for path in written if path.parts[0] == "tables"}
+    assert {path.stem for path in tables} >= {"trials", "movements", "paths", "dictionary"}
+    assert {path for path in tables if path.stem == "results"} == set()
+    assert all((out / path).read_bytes() == (default_output / path).read_bytes() for path in tables)
+    report = (out / "report.html").read_text()
+    assert "This report is not complete" in report
+    assert "This report is not complete" not in (default_output / "report.html").read_text()
+    assert report.split("<h1>")[1].split("</h1>")[0] in (default_output / "report.html").read_text()
+    assert list(Path().glob(".out*")) == []
+
+
 def test_analyse_never_overwrites_and_leaves_no_partial_output(study: Path) -> None:
     Path("out").mkdir()
     assert "out: already exists; name another output" in refused(analyse(study, "-o", "out"))

@@ -17,7 +17,6 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.extraction.workers import processes
 from netboard.base.process.resources import peak_memory
-from netboard.recording.export.formats import new_folder
 from netboard.recording.files.reader import Recording
 
 
@@ -84,7 +83,7 @@ def cost_of_tables(recordings: Sequence[Path], workers: int, cache: Path) -> Tab
     """Make the tables of a study."""
     watch = Stopwatch()
     with TemporaryDirectory() as paths:
-        extracted, study = _tables(recordings, workers, cache, Path(paths))
+        extracted, study = tables_of(recordings, workers, cache, Path(paths))
     spent, data = watch.read(), float(study.blocks["duration"].sum())
     return TablesCost(len(study.trials), data, spent, peak_memory(), extracted.peak)
 
@@ -99,18 +98,28 @@ def cost_without_cache(recordings: Sequence[Path], workers: int, caches: Sequenc
     return replace(costs[0], time=least), cost_of_reading(recordings, workers)
 
 
-def cost_of_report(recordings: Sequence[Path], cache: Path, folder: Path) -> tuple[Time, float]:
-    """Write results, figures and report of a study whose tables are cached; return the time and the peak memory [B]."""
-    from netboard.analysis.report.folder import write_analysis
+def cost_of_report(recordings: Sequence[Path], cache: Path, folder: Path) -> tuple[Time, Time, float]:
+    """Write both parts of the analysis of a study with cached tables, in this process.
 
-    with new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
-        extracted, study = _tables(recordings, 1, cache, Path(paths))
+    Return the time of each, and the peak memory [B].
+    """
+    from netboard.analysis.report.folder import provenance, write_first_part, write_second_part
+
+    with TemporaryDirectory() as paths:
+        extracted, study = tables_of(recordings, 1, cache, Path(paths))
+        origin = provenance(extracted, ["netboard", "bench", "analysis"])
+        parts = [folder / name for name in ("first", "second")]
+        for part in parts:
+            part.mkdir(parents=True)
         watch = Stopwatch()
-        write_analysis(part, study, extracted, ["netboard", "bench", "analysis"], lambda *_: None)
-    return watch.read(), peak_memory()
+        figure = write_first_part(parts[0], study, extracted, origin, None, study, lambda *_: None)
+        first = watch.read()
+        watch = Stopwatch()
+        write_second_part(parts[1], study, origin, None, study, lambda *_: None, figure)
+    return first, watch.read(), peak_memory()
 
 
-def _tables(recordings: Sequence[Path], workers: int, cache: Path, paths: Path) -> tuple[Extraction, StudyData]:
+def tables_of(recordings: Sequence[Path], workers: int, cache: Path, paths: Path) -> tuple[Extraction, StudyData]:
     """Measure recordings, or take their measures from the cache, and join them."""
     extracted = extract(recordings, Readings(), processes(workers), Cache(cache), PathTable(paths), lambda *_: None)
     return extracted, study_of(extracted.measured, Readings(), extracted.paths)

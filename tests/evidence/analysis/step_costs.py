@@ -1,12 +1,15 @@
-"""Where the processor time of a first analysis goes: the steps of measuring a recording, from a profile."""
+"""Where the processor time of a first analysis goes: the steps of measuring a recording, and results and figures."""
 
 import cProfile
 import pstats
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
+from evidence.analysis.costs import tables_of
 from netboard.analysis.extraction import recordings as extraction
 from netboard.analysis.extraction.controls import controls
 from netboard.analysis.extraction.details import movements
@@ -56,6 +59,36 @@ def steps_part(recordings: Sequence[Path]) -> ResultPart:
         share = sum(_cumulative(found, function) for function in functions) / whole
         part.add(name, 1e3 * plain * share, 100.0 * share)
     part.add("whole recording", 1e3 * plain, 100.0)
+    return part
+
+
+def tasks_part(recordings: Sequence[Path], cache: Path) -> ResultPart:
+    """Measure the results and figures of a study with cached tables, task by task."""
+    from netboard.analysis.topics.everything import drawn, primary_figure, results_in, study_tasks
+    from netboard.analysis.topics.testing import families
+
+    part = ResultPart(
+        "tasks",
+        "Processor time of results and figures, in one process",
+        "task | results [s] | figures, as SVG [s] | PNG, PDF [s]",
+    )
+    with TemporaryDirectory() as paths:
+        study = tables_of(recordings, 1, cache, Path(paths))[1]
+        primary_figure(study)  # loads libraries
+        for task in study_tasks():
+            at = [process_time()]
+            for topic in task.topics:
+                results_in(study, topic)
+            at.append(process_time())
+            figures = [drawn(study, draw) for draw in task.draws]
+            at.append(process_time())
+            for figure in figures:
+                figure.written()
+            at.append(process_time())
+            part.add(task.name, *(after - before for before, after in pairwise(at)))
+        start = process_time()
+        results_in(study, families)
+        part.add("families of tests", process_time() - start, 0.0, 0.0)
     return part
 
 

@@ -73,7 +73,7 @@ def test_benchmark_writes_every_table(tmp_path: Path, monkeypatch: pytest.Monkey
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     parts = {part["name"]: part for part in json.loads(Path("analysis.json").read_text())["parts"]}
-    assert set(parts) == {"steps", "costs", "scaling", "memory", "whole", "again"}
+    assert set(parts) == {"steps", "tasks", "costs", "scaling", "memory", "whole", "again"}
     assert [row[0] for row in parts["steps"]["rows"]] == [*STEPS, "whole recording"]
     assert all(row[1] > 0.0 for row in parts["steps"]["rows"] if row[0] != "controls")  # some blocks have none
     assert [row[0] for row in parts["again"]["rows"]] == ["first", "second"]

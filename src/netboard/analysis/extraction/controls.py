@@ -292,7 +292,7 @@ def _measured(take: AttemptData) -> dict[str, Any]:
     row: dict[str, Any] = {}
     for group in GROUPS:
         row |= group.of(take)
-    moved, found, _ = delays_of(take)
+    moved, found = delays_of(take)
     delays = np.abs(found.signed[moved.cooperative, THRESHOLDS.index(DELAY)])
     known = delays[np.isfinite(delays)]
     return row | {"movements": known.size, f"delay_{DELAY}": float(known.mean()) if known.size else nan}

@@ -60,11 +60,8 @@ PATHS = (
 """Columns of the table of paths."""
 
 
-def delays_of(take: AttemptData) -> tuple[Contributions, Delays, Delays]:
-    """Return the contributions to the movements of the board that begin in an attempt, and their delays.
-
-    Delays are with the set threshold, and with fractions of each side's own peak.
-    """
+def delays_of(take: AttemptData) -> tuple[Contributions, Delays]:
+    """Return the contributions to the movements of the board that begin in an attempt, and their delays as set."""
     own, found, how = take.own_segments, take.motion, take.block.readings.delays
     moved = contributions(
         own, found.left_z, found.right_z, opposite=how.opposite, amount=how.amount, largest_ratio=how.largest_ratio
@@ -79,13 +76,14 @@ def delays_of(take: AttemptData) -> tuple[Contributions, Delays, Delays]:
         search=how.search,
         velocity=how.velocity,
     )
-    return moved, as_set, delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
+    return moved, as_set
 
 
 def movements(take: AttemptData) -> Iterator[Mapping[str, Any]]:
     """Yield the rows of the movements of the board that begin in an attempt, without the columns that locate it."""
-    own = take.own_segments
-    moved, as_set, of_own = delays_of(take)
+    own, found = take.own_segments, take.motion
+    moved, as_set = delays_of(take)
+    of_own = delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
     for k in range(len(own)):
         yield {
             "movement": k + 1,

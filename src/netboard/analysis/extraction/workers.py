@@ -14,6 +14,7 @@ from concurrent.futures import (
     as_completed,
 )
 from contextlib import AbstractContextManager, contextmanager
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
@@ -51,6 +52,18 @@ def processes(workers: int) -> WorkerPool:
             pool.shutdown(cancel_futures=True)
 
     return workers_of
+
+
+def warm(executor: Executor, count: int, *modules: str) -> None:
+    """Let processes start and import modules while this one does something else."""
+    if isinstance(executor, ProcessPoolExecutor):
+        for _ in range(count):
+            executor.submit(_import, modules)
+
+
+def _import(modules: Sequence[str]) -> None:
+    for name in modules:
+        import_module(name)
 
 
 T = TypeVar("T")

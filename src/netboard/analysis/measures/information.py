@@ -192,6 +192,7 @@ def chance_level(
     measure: Measure,
     rng: np.random.Generator,
     *,
+    true: ArrayLike | None = None,
     most: int = 999,
     unit: str = "dyad",
 ) -> SurrogateComparison:
@@ -215,6 +216,8 @@ def chance_level(
         or a correlation.
     rng : numpy.random.Generator
         Random generator, used for more than eight dyads.
+    true : array_like, shape (k,), optional
+        The measure in the true dyads, if known already [unit of the measure].
     most : int
         Number of random permutations then, of which more than a third are surrogates [1].
     """
@@ -224,13 +227,17 @@ def chance_level(
     own = np.arange(n)
     exchanges = _exchanges(n, rng, most)
     values = np.full((n, n), np.nan)
-    for i, j in sorted({(i, int(j)) for exchange in (own, *exchanges) for i, j in enumerate(exchange)}):
+    pairs = {(i, int(j)) for exchange in (own, *exchanges) for i, j in enumerate(exchange)}
+    if true is not None:
+        values[own, own] = true
+        pairs -= {(i, i) for i in range(n)}
+    for i, j in sorted(pairs):
         values[i, j] = measure(*_matched(sources[i], targets[j]))
-    true, means = float(values[own, own].mean()), values[own, exchanges].mean(axis=1)
+    mean, means = float(values[own, own].mean()), values[own, exchanges].mean(axis=1)
     surrogates = means[(exchanges != own).all(axis=1)]
     level, least = float(surrogates.mean()), 1 / (1 + len(means))
-    p = (1 + int((means >= true).sum())) * least if np.isfinite(true + means.sum()) else np.nan
-    return SurrogateComparison(true, level, true - level, p, least, surrogates, n, unit, n <= MAX_UNITS)
+    p = (1 + int((means >= mean).sum())) * least if np.isfinite(mean + means.sum()) else np.nan
+    return SurrogateComparison(mean, level, mean - level, p, least, surrogates, n, unit, n <= MAX_UNITS)
 
 
 # --- embedding ---------------------------------------------------------------------------------------------------

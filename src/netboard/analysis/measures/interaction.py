@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import trapezoid
 
 from netboard.analysis.measures.signals import paired
 
@@ -194,5 +193,5 @@ def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute
 
 
 def _integral(values: NDArray[np.float64], rate: float) -> float:
-    """Integrate samples over time by the trapezoidal rule."""
-    return float(trapezoid(values, dx=1.0 / rate))
+    """Integrate samples over time by the trapezoidal rule, as `scipy.integrate.trapezoid` does, to the bit."""
+    return float(np.sum(1.0 / rate * (values[1:] + values[:-1]) / 2.0))

@@ -34,6 +34,12 @@ if TYPE_CHECKING:
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """Packages that an analysis needs beyond those of a session."""
 
+MEASURING = "netboard.analysis.extraction.running"
+"""Module that measures."""
+
+ANSWERED = "tables and answer: "
+"""Beginning of the line that names the tables and the beginning of the report."""
+
 QUOTING = ("provenance.json", "report.html")
 """Files that quote the command."""
 
@@ -120,13 +126,15 @@ class _Analysis:
 
     def lines(self, read: "Callable[[], Readings]", began: float) -> Generator[str, None, tuple[str, ...]]:
         """Analyse, and yield what to say as soon as it is known; return what to say of it again from the cache."""
-        from netboard.analysis.extraction.workers import processes
-        from netboard.analysis.report.folder import provenance, write_first_part, write_second_part
-        from netboard.analysis.topics.everything import share
+        from netboard.analysis.extraction.workers import processes, warm
         from netboard.base.process.workers import cores
 
         count = self._chosen.workers or cores()
         with processes(count)(self._recordings) as executor:
+            warm(executor, count, MEASURING)  # meanwhile this process imports what it needs
+            from netboard.analysis.report.folder import provenance, write_first_part, write_second_part
+            from netboard.analysis.topics.everything import share
+
             pool = executor if isinstance(executor, ProcessPoolExecutor) else None
             with telling() as tell:
                 study, found = self._measured(read(), executor, tell)
@@ -143,7 +151,7 @@ class _Analysis:
             yield f"{words[0]}; {amount(kept)} from the cache" if kept else words[0]
             yield from words[1:]
             yield (
-                f"tables and answer: {self._folder / 'tables'}, {self._folder / 'report.html'}; "
+                f"{ANSWERED}{self._folder / 'tables'}, {self._folder / 'report.html'}; "
                 f"{time.perf_counter() - began:.1f} s. Results and figures follow."
             )
             with telling() as tell:

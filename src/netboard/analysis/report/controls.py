@@ -172,7 +172,7 @@ def _others(title: str, found: Sequence[ControlledEffect], *, measured: bool) ->
 
 
 def _is_other(each: ControlPrediction, measured: bool) -> bool:
-    return each.control is not PASSIVE and each.measured == measured
+    return each.control != PASSIVE and each.measured == measured
 
 
 def _controls(

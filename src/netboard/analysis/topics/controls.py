@@ -124,7 +124,7 @@ class ControlledEffect:
     @property
     def passive(self) -> tuple[ControlPrediction, ...]:
         """Passive part with each arm."""
-        return tuple(one for one in self.predictions if one.control is PASSIVE)
+        return tuple(one for one in self.predictions if one.control == PASSIVE)
 
     @property
     def usual(self) -> tuple[ControlPrediction, ...]:
@@ -166,7 +166,7 @@ def _results(one: ControlledEffect) -> Iterator[Result]:
     if one.why:
         yield plain(TOPIC, f"{what}, passive part", one.group, nan, one.unit, 0, "dyad", one.why)
     for each in one.predictions:
-        passive = each.control is PASSIVE
+        passive = each.control == PASSIVE
         arm = "" if each.arm is None else f", {each.arm.name}"
         about = "a condition of the study" if each.control is None else each.control.about
         yield row(f"passive part{arm}" if passive else f"{each.name}{arm}", each.predicted, about)
@@ -363,7 +363,7 @@ def _panel(axes: "Axes", found: Sequence[ControlledEffect], felt: Sequence[Condi
             if each.arm in one.usual_arms:
                 at = shift + (0.07 if each.arm.device else -0.07)
                 mark = look if each.arm.device else hollow
-                rows = [(1, each.predicted), (2, each.rest)] if each.control is PASSIVE else []
+                rows = [(1, each.predicted), (2, each.rest)] if each.control == PASSIVE else []
                 for row, mean in rows or [(ROWS.index(each.name), each.predicted)]:
                     label = f"{one.group}, {ROWS[row]}, {each.arm.name}"
                     draw_mean(axes, row + at, mean, mark, label, scale=unit.scale, across=True)

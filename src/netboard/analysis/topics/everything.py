@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import nan
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import pandas as pd
 
@@ -152,6 +152,9 @@ Shared = StudyData | Path
 SAME_NUMBERS = {"differences": "contrasts"}
 """Figures that show the numbers of another topic."""
 
+USED: tuple[cached[Any], ...] = (contrasts.comparisons, controls.controls, models.fits, influence.influences)
+"""Topics whose findings the report or the families of tests use, too."""
+
 SLOWEST_FIRST = ("influence", "models", "contrasts", "measures", "paths")
 """Tasks that begin first, so that all processes end at about the same time."""
 
@@ -160,16 +163,17 @@ SLOWEST_FIRST = ("influence", "models", "contrasts", "measures", "paths")
 class StudyTask:
     """Topics and figures with costly numbers in common."""
 
+    name: str
     topics: tuple[Topic, ...]
     draws: tuple[Draw, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class TaskOutcome:
-    """Results and figures of a task by name, what its topics have found, and the peak memory of the process [B]."""
+    """Results and figures of a task by name, what its topics of `USED` have found, and the peak memory [B]."""
 
     results: Mapping[str, tuple[Result, ...]]
-    found: tuple[object, ...]
+    found: Mapping[str, object]
     figures: Mapping[str, WrittenFigure]
     peak: float
 
@@ -178,17 +182,17 @@ def everything_of(
     study: StudyData, shared: Shared, executor: Executor | None, main: WrittenFigure | None, progress: Progress
 ) -> tuple[pd.DataFrame, list[WrittenFigure], float]:
     """Return all results and figures, and the peak memory of a process; `main` is the figure of the primary outcome."""
-    tasks = list(_tasks())
+    tasks = list(study_tasks())
     outcomes = begun(executor, partial(run_task, shared), tasks)
     results: dict[str, tuple[Result, ...]] = {}
     figures = {} if main is None else {main.name: main}
     peak = 0.0
     progress("results and figures", 0, len(tasks) + 1)
-    for done, (task, outcome) in enumerate(outcomes, start=1):
+    for done, (_, outcome) in enumerate(outcomes, start=1):
         progress("results and figures", done, len(tasks) + 1)
-        for topic, found in zip(task.topics, outcome.found, strict=True):
-            if executor is not None and isinstance(topic, cached) and found is not None:
-                topic.adopt(study, found)
+        for used in USED if executor is not None else ():
+            if (found := outcome.found.get(_name_of(used))) is not None:
+                used.adopt(study, found)
         results |= outcome.results
         figures |= outcome.figures
         peak = max(peak, outcome.peak)
@@ -203,7 +207,7 @@ def run_task(shared: Shared, task: StudyTask) -> TaskOutcome:
     """Compute the topics of a task and draw its figures."""
     study = study_in(shared)
     results = {_name_of(topic): results_in(study, topic) for topic in task.topics}
-    found = tuple(topic.kept(study) if isinstance(topic, cached) else None for topic in task.topics)
+    found = {_name_of(topic): topic.kept(study) for topic in USED if topic in task.topics}
     figures = {_name_of(draw): drawn(study, draw).written() for draw in task.draws}
     return TaskOutcome(results, found, figures, peak_memory())
 
@@ -228,7 +232,7 @@ def _read(path: Path) -> StudyData:
     return found
 
 
-def _tasks() -> Iterator[StudyTask]:
+def study_tasks() -> Iterator[StudyTask]:
     """Yield the tasks, without what depends on the numbers of others, and without the primary outcome."""
     own = (primary.primary, primary.picture, testing.families)
     groups: dict[str, tuple[list[Topic], list[Draw]]] = {}
@@ -239,4 +243,4 @@ def _tasks() -> Iterator[StudyTask]:
                 groups.setdefault(SAME_NUMBERS.get(name, name), ([], []))[place].append(function)
     for name in sorted(groups, key=lambda name: SLOWEST_FIRST.index(name) if name in SLOWEST_FIRST else len(groups)):
         topics, draws = groups[name]
-        yield StudyTask(tuple(topics), tuple(draws))
+        yield StudyTask(name, tuple(topics), tuple(draws))

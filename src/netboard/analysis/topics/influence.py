@@ -142,7 +142,8 @@ def _influence(
     known = np.flatnonzero(np.isfinite(values)).tolist()
     chance = None
     if len(known) > 1:
-        chance = chance_level([sources[k] for k in known], [targets[k] for k in known], _strength, rng)
+        source, target = ([trials[k] for k in known] for trials in (sources, targets))
+        chance = chance_level(source, target, _strength, rng, true=values[known])
     names = tuple(dyads[k] for k in known)
     return Influence(condition, direction, names, values[known], chance, len(sources[0]), available)
 

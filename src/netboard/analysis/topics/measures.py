@@ -8,6 +8,7 @@ its values, from which the method of its intervals follows.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, isfinite
 from operator import itemgetter
 from textwrap import fill
@@ -102,14 +103,10 @@ class Measure:
         return "balance" if self.within == "share" else "real"
 
 
-def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    """Return the function for a class's share of a trial's time."""
-
-    def values(rows: pd.DataFrame) -> ArrayLike:
-        whole = _known_time(rows)
-        return np.where(whole > 0.0, rows[name] / np.where(whole > 0.0, whole, 1.0), np.nan)
-
-    return values
+def _share(name: str, rows: pd.DataFrame) -> ArrayLike:
+    """Return a class's share of the time of trials."""
+    whole = _known_time(rows)
+    return np.where(whole > 0.0, rows[name] / np.where(whole > 0.0, whole, 1.0), np.nan)
 
 
 def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
@@ -125,8 +122,16 @@ def _reaction(rows: pd.DataFrame) -> ArrayLike:
     return np.where(none, np.nan, np.fmin(rows["left_reaction"], rows["right_reaction"]))
 
 
-def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    return lambda rows: rows[f"left_{name}"] + rows[f"right_{name}"]
+def _both(name: str, rows: pd.DataFrame) -> pd.Series:
+    return rows[f"left_{name}"] + rows[f"right_{name}"]
+
+
+def _exchanged(rows: pd.DataFrame) -> pd.Series:
+    return rows["to_left"] + rows["to_right"]
+
+
+def _fell(rows: pd.DataFrame) -> pd.Series:
+    return rows["outcome"] == "fell"
 
 
 def _of_trials(
@@ -151,8 +156,8 @@ def _of_trials(
     return replace(made, uncontrolled=why)
 
 
-def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    return lambda rows: rows[name].abs()
+def _magnitude(name: str, rows: pd.DataFrame) -> pd.Series:
+    return rows[name].abs()
 
 
 MEASURES = (
@@ -178,22 +183,22 @@ MEASURES = (
         "performance",
         "attempt",
         "share",
-        lambda rows: rows["outcome"] == "fell",
+        _fell,
         uncontrolled=OF_THE_BALL,
     ),
-    *(Measure(f"{name} share", "1", "coordination", "trial", "share", _share(name)) for name in CLASSES),
+    *(Measure(f"{name} share", "1", "coordination", "trial", "share", partial(_share, name)) for name in CLASSES),
     Measure(
         "|delay at 20 %|",
         "s",
         "coordination",
         "movement",
         "positive",
-        _magnitude("delay_20"),
+        partial(_magnitude, "delay_20"),
         note="of cooperative movements",
     ),
-    Measure("|lag|", "s", "coordination", "trial", "positive", _magnitude("lag"), note="by cross-correlation"),
+    Measure("|lag|", "s", "coordination", "trial", "positive", partial(_magnitude, "lag"), note="by cross-correlation"),
     _of_trials("correlation of the hands", "correlation", "coordination", "balance", compared=False),
-    Measure("effort", "N2 s", "forces", "trial", "positive", _both("effort")),
+    Measure("effort", "N2 s", "forces", "trial", "positive", partial(_both, "effort")),
     _of_trials(
         "interaction force",
         "interaction",
@@ -201,9 +206,9 @@ MEASURES = (
         "positive",
         note="mean magnitude of the forces that cancel in the tilt: on a light board half the spring force",
     ),
-    Measure("exchanged energy", "J", "forces", "trial", "positive", lambda rows: rows["to_left"] + rows["to_right"]),
+    Measure("exchanged energy", "J", "forces", "trial", "positive", _exchanged),
     *(
-        Measure(f"work {kind}", "J", "forces", "trial", "positive", _both(kind), compared=False, note=note)
+        Measure(f"work {kind}", "J", "forces", "trial", "positive", partial(_both, kind), compared=False, note=note)
         for kind, note in (("given", "of both hands on the coupling"), ("received", "by both hands from the coupling"))
     ),
     *(

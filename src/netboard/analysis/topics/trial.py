@@ -120,7 +120,7 @@ def draw_movements(axes: Axes, take: AttemptData) -> str:
 
 def draw_delay(axes: Axes, take: AttemptData) -> str:
     """Draw the largest cooperative movement with the delay thresholds; return the explanation."""
-    moved, found, _ = delays_of(take)
+    moved, found = delays_of(take)
     turns = take.own_segments
     axes.set_ylabel("styluses [mm/s]")
     if not moved.cooperative.any():

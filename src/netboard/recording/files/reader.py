@@ -85,7 +85,7 @@ class Recording:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self._file = Container(self.path)
-        self._events_seen: dict[int, list[bytes]] = {}  # of chunks that were read for their ticks, by offset
+        self._events_seen: dict[int, list[memoryview]] = {}  # of chunks that were read for their ticks, by offset
         try:
             self._open()
         except BaseException:
@@ -391,7 +391,7 @@ class Recording:
             rows = older.ticks_of(messages, self._version)
         return {name: rows[name] for name in names}
 
-    def _payloads(self, offset: int, topic: str) -> list[bytes]:
+    def _payloads(self, offset: int, topic: str) -> list[memoryview]:
         """Return the messages of a chunk on a topic; of a chunk with ticks, keep the events for later."""
         if topic == EVENTS and offset in self._events_seen:
             return self._events_seen[offset]
@@ -399,11 +399,15 @@ class Recording:
         found = payloads_of(self._file.chunk(offset), [self._file.channels[one] for one in topics])
         by_topic = dict(zip(topics, found, strict=True))
         if topic != EVENTS and by_topic.get(EVENTS):
-            self._events_seen[offset] = by_topic[EVENTS]
+            self._events_seen[offset] = [memoryview(bytes(event)) for event in by_topic[EVENTS]]  # not the whole chunk
         return by_topic[topic]
 
     def events(self) -> tuple[EventRecord, ...]:
         """All events."""
+        return self._events
+
+    @cached_property
+    def _events(self) -> tuple[EventRecord, ...]:
         return self._records(EVENTS, EventRecord)
 
     def clocks(self) -> tuple[ClockRecord, ...]:

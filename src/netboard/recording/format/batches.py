@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import waiting
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_NS, TICK_WORDS, joined
-from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
+from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Payload, Stamped, unpack
 from netboard.recording.format.claims import ATTEMPTS, LAYOUT, MAX_STAMP_NS, stored_json
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, predict, require_known, uses
@@ -131,13 +131,13 @@ class BatchLayout:
         """Return the number of columns."""
         return len(self._names)
 
-    def fits(self, message: bytes) -> bool:
+    def fits(self, message: Payload) -> bool:
         """Return whether a batch has as many columns as this layout."""
         values = unpack(message)
         data, count = values.get("columns"), values.get("count")
         return isinstance(data, bytes) and type(count) is int and len(data) == len(self._names) * WORD * count
 
-    def decode(self, messages: Sequence[bytes], names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    def decode(self, messages: Sequence[Payload], names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Decode columns of some batches; a column that the file does not have is zero."""
         needed = self._needed(names)
         there = np.flatnonzero([name in needed for name in self._names])
@@ -151,12 +151,17 @@ class BatchLayout:
         columns = {name: column.view(self._kinds[name]) for name, column in zip(stored, words, strict=True)}
         predictions = {name: text for name, text in self._predictions.items() if name in needed}
         if predictions and batches:
-            rows = np.repeat([constants for _, constants in batches], counts, axis=0)
-            constants = dict(zip(self._constants, rows.T, strict=True))
+            constants = self._spread([constants for _, constants in batches], counts)
             for name, guess in predict(predictions, columns, constants, starts):
                 columns[name].view(np.int64)[:] += guess
         zero = np.zeros(int(counts.sum()), np.int64)
         return {name: columns[name] if name in columns else zero.view(TICK[name]) for name in names}
+
+    def _spread(self, constants: Sequence[list[float]], counts: NDArray[np.int64]) -> dict[str, Any]:
+        """Return the constants by name: a number each if all batches have the same, or else one for each row."""
+        if all(one == constants[0] for one in constants):
+            return dict(zip(self._constants, map(np.float64, constants[0]), strict=True))
+        return dict(zip(self._constants, np.repeat(constants, counts, axis=0).T, strict=True))
 
     def _needed(self, names: Sequence[str]) -> set[str]:
         """Return these columns, and everything from which they are predicted."""
@@ -166,7 +171,7 @@ class BatchLayout:
                 needed |= uses(self._predictions[name])
         return needed
 
-    def _batch(self, message: bytes) -> tuple[NDArray[np.uint8], list[float]]:
+    def _batch(self, message: Payload) -> tuple[NDArray[np.uint8], list[float]]:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
         data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])

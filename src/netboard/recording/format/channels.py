@@ -337,7 +337,11 @@ IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)
 """MCAP channel (and schema) id of each topic."""
 
 
-def unpack(message: bytes) -> dict[str, Any]:
+Payload = bytes | memoryview
+"""Bytes of a message, or where they lie in a chunk."""
+
+
+def unpack(message: Payload) -> dict[str, Any]:
     """Decode a message of a recording into a dict."""
     try:
         values = msgpack.unpackb(message, max_array_len=MAX_ITEMS, max_map_len=MAX_ITEMS, max_ext_len=0)
@@ -348,7 +352,7 @@ def unpack(message: bytes) -> dict[str, Any]:
     return values
 
 
-def read_record(kind: type[R], message: bytes) -> R:
+def read_record(kind: type[R], message: Payload) -> R:
     """Decode a message that holds a record other than ticks; its fields have the kinds that the record declares."""
     try:
         record = message_of(kind, unpack(message))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
-from netboard.recording.format.channels import CHANNELS, unpack
+from netboard.recording.format.channels import CHANNELS, Payload, unpack
 
 TOPIC = "/tick"
 """Channel of the ticks in formats 1 and 2."""
@@ -58,7 +58,7 @@ def config_of(text: str, version: str) -> str:
     return _HAPTICS.sub(lambda found: _FORCE[found[1]], text) if version == "1" else text
 
 
-def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
+def ticks_of(messages: Sequence[Payload], version: str) -> NDArray[Any]:
     """Decode messages of the ``/tick`` channel into rows.
 
     They are bit for bit as written; columns that the format lacks are 0.
@@ -91,7 +91,7 @@ def _layout(missing: frozenset[str]) -> tuple[NDArray[np.uint8], NDArray[np.intp
     return np.frombuffer(bytes(message), np.uint8), np.array(places), np.array(columns)
 
 
-def _row_by_name(message: bytes, missing: frozenset[str]) -> tuple[Any, ...]:
+def _row_by_name(message: Payload, missing: frozenset[str]) -> tuple[Any, ...]:
     values = unpack(message) | dict.fromkeys(missing, 0)
     try:
         return tuple(values[name] for name in TICK.names or ())
