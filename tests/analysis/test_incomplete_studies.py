@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from made_study import SMALL, made_study, random_blocks
 from netboard.analysis.extraction.study import StudyData
-from netboard.analysis.report.folder import write_tables
 from netboard.analysis.report.html import write_report
+from netboard.analysis.report.tables import write_tables
 from netboard.analysis.topics.everything import NOT_COMPUTED, PICTURES, drawn, results_in, results_of
 from netboard.analysis.topics.figure import TopicFigure, as_bytes
 from netboard.analysis.topics.groups import windows_of

@@ -187,7 +187,11 @@ def test_interrupted_analysis_leaves_final_tables_and_a_report_that_says_so(
     assert analyse(study, "-o", "out", "--workers", "1", "--no-cache").exit_code != 0
     out = Path("out")
     written = {path.relative_to(out) for path in out.rglob("*") if path.is_file()}
-    assert {path.name for path in written if len(path.parts) == 1} == {"settings.toml", "provenance.json", "report.html"}
+    assert {path.name for path in written if len(path.parts) == 1} == {
+        "settings.toml",
+        "provenance.json",
+        "report.html",
+    }
     tables = {path for path in written if path.parts[0] == "tables"}
     assert {path.stem for path in tables} >= {"trials", "movements", "paths", "dictionary"}
     assert {path for path in tables if path.stem == "results"} == set()

@@ -18,7 +18,7 @@ from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import StudyData, study_of
 from netboard.analysis.report.design import design
-from netboard.analysis.report.folder import write_tables
+from netboard.analysis.report.tables import write_tables
 from netboard.analysis.topics.contrasts import comparisons
 from netboard.analysis.topics.everything import results_of
 from netboard.analysis.topics.groups import bounded, conditions

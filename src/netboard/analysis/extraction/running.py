@@ -5,7 +5,7 @@ finished first, so they do not depend on the number or the place of the processe
 written to disk as they arrive.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -66,11 +66,12 @@ def extract(
     progress: Progress,
     *,
     skip: bool = False,
+    meanwhile: Callable[[], object] = list,
 ) -> Extraction:
     """Extract the tables of recordings, without a cache measuring all and storing nothing.
 
-    `progress` is called with the numbers of finished and of all recordings. RecordingError if a recording cannot be
-    measured and `skip` is false, or none remains.
+    `progress` is called with the numbers of finished and of all recordings; `meanwhile` once, when the workers have begun.
+    RecordingError if a recording cannot be measured and `skip` is false, or none remains.
     """
     kept, copies = each_recording_once(recordings)
     runs, left_out = _readable(kept) if skip else (runs_of(kept), [])
@@ -84,7 +85,7 @@ def extract(
                 collector.add(path, stored)
     missing = [run for run in runs if run.path not in collector.tables]
     cached, peak = set(collector.tables), 0.0
-    for run, answer in _answers(missing, digests, readings, workers_of):
+    for run, answer in _answers(missing, digests, readings, workers_of, meanwhile):
         if isinstance(answer, Exception):
             if not skip:
                 raise answer
@@ -146,7 +147,11 @@ def _left_out(path: Path, error: Exception) -> LeftOut:
 
 
 def _answers(
-    runs: Sequence[Run], digests: Mapping[Path, str], readings: Readings, workers_of: WorkerPool
+    runs: Sequence[Run],
+    digests: Mapping[Path, str],
+    readings: Readings,
+    workers_of: WorkerPool,
+    meanwhile: Callable[[], object],
 ) -> Iterator[tuple[Run, tuple[Measured, float] | NetboardError]]:
     """Yield the tables or the error of each recording as it finishes."""
     if not runs:
@@ -156,6 +161,7 @@ def _answers(
             executor.submit(_measured, replace(run, path=run.path.absolute()), readings, digests[run.path]): run
             for run in runs
         }
+        meanwhile()
         for future in as_completed(futures):
             run = futures.pop(future)
             try:

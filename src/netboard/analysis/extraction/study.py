@@ -3,8 +3,11 @@
 Paths are not joined: they are long, and are read recording by recording.
 """
 
+import pickle
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -370,3 +373,29 @@ def _in_several_dyads(blocks: pd.DataFrame) -> Iterator[str]:
                 f"and model takes for independent: if {name} is one person, they are not; if {name} is the name of "
                 "several people, nothing is wrong."
             )
+
+
+# --- for other processes ----------------------------------------------------------------------------------------------
+
+Shared = StudyData | Path
+"""A study, or the file from which another process reads it."""
+
+
+def share(study: StudyData, place: Path) -> Path:
+    """Write a study to a new file, from which other processes read it."""
+    with place.open("xb") as file:
+        pickle.dump(study, file, protocol=5)
+    return place
+
+
+def study_in(shared: Shared) -> StudyData:
+    """Return a shared study."""
+    return shared if isinstance(shared, StudyData) else _read(shared)
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path) -> StudyData:
+    """Read a study, once in each process."""
+    with path.open("rb") as file:
+        found: StudyData = pickle.load(file)
+    return found

@@ -12,6 +12,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +38,9 @@ LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 
 MEASURING = "netboard.analysis.extraction.running"
 """Module that measures."""
+
+REPORTING = "netboard.analysis.report.folder"
+"""Module that writes results, figures and report."""
 
 ANSWERED = "tables and answer: "
 """Beginning of the line that names the tables and the beginning of the report."""
@@ -131,13 +136,13 @@ class _Analysis:
 
         count = self._chosen.workers or cores()
         with processes(count)(self._recordings) as executor:
-            warm(executor, count, MEASURING)  # meanwhile this process imports what it needs
-            from netboard.analysis.report.folder import provenance, write_first_part, write_second_part
-            from netboard.analysis.topics.everything import share
-
+            warm(executor, count, MEASURING)  # meanwhile this process imports what it needs to begin
             pool = executor if isinstance(executor, ProcessPoolExecutor) else None
             with telling() as tell:
                 study, found = self._measured(read(), executor, tell)
+                from netboard.analysis.extraction.study import share
+                from netboard.analysis.report.folder import provenance, write_first_part, write_second_part
+
                 tell("tables", 0, 1)
                 shared = study if pool is None else share(study, self._scratch / "study")
                 origin = provenance(found, [PLACEHOLDER])
@@ -177,7 +182,16 @@ class _Analysis:
         pool = (lambda recordings: nullcontext(executor)) if chosen.dask is None else dask(chosen.dask)
         cache = None if self._store is None else Cache(self._store)
         (paths := self._scratch / "paths").mkdir()
-        found = extract(self._recordings, readings, pool, cache, PathTable(paths), tell, skip=chosen.skip)
+        found = extract(
+            self._recordings,
+            readings,
+            pool,
+            cache,
+            PathTable(paths),
+            tell,
+            skip=chosen.skip,
+            meanwhile=partial(import_module, REPORTING),
+        )
         parts = tuple(LeftOut(path.name, UNFINISHED) for path in self._unfinished)
         found = replace(found, left_out=(*found.left_out, *parts))
         return study_of(found.measured, readings, found.paths), found

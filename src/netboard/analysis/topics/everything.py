@@ -6,18 +6,16 @@ own, an error in a figure becomes its caption; neither stops the others.
 `everything_of` distributes topics and figures over processes. Their number and order change no number and no figure.
 """
 
-import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from math import nan
-from pathlib import Path
 from typing import Any, Protocol
 
 import pandas as pd
 
-from netboard.analysis.extraction.study import StudyData
+from netboard.analysis.extraction.study import Shared, StudyData, study_in
 from netboard.analysis.extraction.workers import begun
 from netboard.analysis.topics import (
     classes,
@@ -146,9 +144,6 @@ def primary_figure(study: StudyData) -> TopicFigure | None:
 
 # --- in several processes --------------------------------------------------------------------------------------------
 
-Shared = StudyData | Path
-"""A study, or the file from which another process reads it."""
-
 SAME_NUMBERS = {"differences": "contrasts"}
 """Figures that show the numbers of another topic."""
 
@@ -179,13 +174,13 @@ class TaskOutcome:
 
 
 def everything_of(
-    study: StudyData, shared: Shared, executor: Executor | None, main: WrittenFigure | None, progress: Progress
+    study: StudyData, shared: Shared, executor: Executor | None, main: TopicFigure | None, progress: Progress
 ) -> tuple[pd.DataFrame, list[WrittenFigure], float]:
     """Return all results and figures, and the peak memory of a process; `main` is the figure of the primary outcome."""
     tasks = list(study_tasks())
     outcomes = begun(executor, partial(run_task, shared), tasks)
     results: dict[str, tuple[Result, ...]] = {}
-    figures = {} if main is None else {main.name: main}
+    figures = {} if main is None else {main.name: main.written()}
     peak = 0.0
     progress("results and figures", 0, len(tasks) + 1)
     for done, (_, outcome) in enumerate(outcomes, start=1):
@@ -210,26 +205,6 @@ def run_task(shared: Shared, task: StudyTask) -> TaskOutcome:
     found = {_name_of(topic): topic.kept(study) for topic in USED if topic in task.topics}
     figures = {_name_of(draw): drawn(study, draw).written() for draw in task.draws}
     return TaskOutcome(results, found, figures, peak_memory())
-
-
-def share(study: StudyData, place: Path) -> Path:
-    """Write a study to a new file, from which other processes read it."""
-    with place.open("xb") as file:
-        pickle.dump(study, file, protocol=5)
-    return place
-
-
-def study_in(shared: Shared) -> StudyData:
-    """Return a shared study."""
-    return shared if isinstance(shared, StudyData) else _read(shared)
-
-
-@lru_cache(maxsize=1)
-def _read(path: Path) -> StudyData:
-    """Read a study, once in each process."""
-    with path.open("rb") as file:
-        found: StudyData = pickle.load(file)
-    return found
 
 
 def study_tasks() -> Iterator[StudyTask]:
