@@ -95,3 +95,12 @@ def test_costly_results_are_computed_once_per_study(study: StudyData) -> None:
     find = cached(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
     other = replace(study)
     assert [find(study), find(study), find(other), find(study), find(other)] == [1, 1, 2, 1, 2]
+
+
+def test_results_of_another_process_are_adopted(study: StudyData) -> None:
+    asked: list[StudyData] = []
+    find = cached(lambda one: asked.append(one) or "computed")  # type: ignore[func-returns-value]
+    assert find.kept(study) is None
+    find.adopt(study, "adopted")
+    assert (find(study), find.kept(study), find(replace(study))) == ("adopted", "adopted", "computed")
+    assert len(asked) == 1

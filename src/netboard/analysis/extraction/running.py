@@ -70,7 +70,7 @@ def extract(
 ) -> Extraction:
     """Extract the tables of recordings, without a cache measuring all and storing nothing.
 
-    `progress` is called with the numbers of finished and of all recordings; `meanwhile` once, when the workers have begun.
+    `progress` is called with the numbers of finished and of all recordings; `meanwhile` once, when workers have begun.
     RecordingError if a recording cannot be measured and `skip` is false, or none remains.
     """
     kept, copies = each_recording_once(recordings)
