@@ -78,7 +78,7 @@ def test_delay_panel_follows_the_settings(takes: list[AttemptData], threshold: s
     axes = axes_of(take, "delay")
     lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
     assert (min(lines["left"].min(), lines["right"].min()) >= 0.0) == (velocity == "magnitude")
-    moved, found, _ = delays_of(take)
+    moved, found = delays_of(take)
     k = int(np.argmax(np.where(moved.cooperative, np.abs(take.own_segments.angle), 0.0)))
     peaks = {"left": found.left_peak[k], "right": found.right_peak[k]}
     own = peaks if threshold == "own_peak" else {"": min(peaks.values())}

@@ -134,7 +134,7 @@ def _attempts(block: BlockData, dyad: int) -> NDArray[Any]:
         row["distance"], row["velocity"] = measured["braking_distance"], measured["braking_velocity"]
         course = slice(take.attempt.tick - block.first, take.attempt.stop - block.first)
         row["rest"] = max(longest_rest(block.raw(f"{side}_used_z")[course]) for side in SIDES)
-        moved, back, _ = delays_of(take)
+        moved, back = delays_of(take)
         row["segments"] = moved.cooperative.sum()
         for end, found in (("", _delays_inside(take, moved)), ("_back", back)):
             row[f"delay{end}"] = np.nansum(found.absolute, axis=0)
