@@ -1,8 +1,9 @@
-"""The device whose stylus a robot partner holds: its contract, its bits, and a partner that commands no number."""
+"""The device whose stylus a robot partner holds: its contract, its bits, and partners that fail."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from math import nan
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -43,14 +44,14 @@ def _hold_then_fail(state: np.void, k: np.void, observation: np.void, actions: n
     actions[0]["stiffness"], actions[0]["damping"] = 100.0, 5.0
     actions[0]["target"][2] = 0.01
     if state["updates"] > 200:
-        actions[0]["force"][2] = nan
+        actions[0]["force"][2] = k
 
 
 class Failing(Policy):
     """A partner that commands what is not a number after a while."""
 
     kind, sides, decide = "failing", ("left",), staticmethod(_hold_then_fail)
-    constants = np.zeros(1)
+    constants = np.full(1, nan)
 
     def initial(self, seed: tuple[int, ...]) -> np.ndarray:
         return np.zeros(1, STATE)
@@ -68,6 +69,38 @@ def failing(config: Config, side: Side) -> Policy:
     return Failing()
 
 
+class Strong(Failing):
+    """A partner that commands more than a hand can do after a while."""
+
+    constants = np.full(1, 100.0)
+
+
+def strong(config: Config, side: Side) -> Policy:
+    """Make the partner that is too strong."""
+    return Strong()
+
+
+@inlined
+def _pause_once(state: np.void, k: np.void, observation: np.void, actions: np.ndarray) -> None:
+    state["updates"] += 1
+    if state["updates"] == 5:
+        total = 0.0
+        for i in range(300_000_000):
+            total += np.sqrt(i + total)
+        actions[0]["target"][0] = 1e-30 * total
+
+
+class Slow(Failing):
+    """A partner that takes a second for its fifth decision."""
+
+    decide = staticmethod(_pause_once)
+
+
+def slow(config: Config, side: Side) -> Policy:
+    """Make the partner that is slow."""
+    return Slow()
+
+
 class SeesTruth(Failing):
     """A partner that sees what no agent knows."""
 
@@ -81,14 +114,18 @@ def sees_truth(config: Config, side: Side) -> Policy:
 
 @pytest.fixture
 def _partners(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    for made in (failing, sees_truth):
+    for made in (failing, strong, slow, sees_truth):
         monkeypatch.setitem(POLICIES, made.__name__, f"{__name__}:{made.__name__}")
     return
 
 
 @pytest.mark.usefixtures("_partners")
-def test_partner_that_commands_no_number_lets_go_and_the_device_is_not_ready() -> None:
-    device = RobotPartner("left", configured("failing"))
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("failing", "commanded what is not a number"), ("strong", "commanded a force of more than 50 N")],
+)
+def test_partner_that_commands_the_impossible_lets_go_and_the_device_is_not_ready(name: str, why: str) -> None:
+    device = RobotPartner("left", configured(name))
     device.open()
     readings = [device.read(k * MS) for k in range(1, 400)]
     ready = [reading.ready for reading in readings]
@@ -97,10 +134,32 @@ def test_partner_that_commands_no_number_lets_go_and_the_device_is_not_ready() -
     assert not any(ready[failed:])
     assert all(np.isfinite(reading[1:7]).all() for reading in readings)
     assert readings[failed - 1].z == pytest.approx(0.01, abs=1e-3)
-    assert device.fault == ("the robot partner 'failing' commanded what is not a number, and has let go of the stylus")
-    device.play(*device.prepared(configured("failing")))
+    assert device.fault == f"the robot partner '{name}' {why}, and has let go of the stylus"
+    updates = device._policy_state["updates"][0]
+    device.read(400 * MS)
+    assert device._policy_state["updates"][0] == updates, "who has let go is not asked again"
+    device.play(*device.prepared(configured(name)))
     assert device.fault == ""
     assert device.read(401 * MS).ready
+
+
+@pytest.mark.usefixtures("_partners")
+def test_other_threads_see_a_decision_that_takes_long_and_can_make_the_partner_let_go() -> None:
+    device = RobotPartner("left", configured("slow"))
+    device.open()
+    for k in range(1, 4):
+        device.read(k * MS)
+    assert device.decision is None
+    reading = Thread(target=lambda: [device.read(k * MS) for k in range(4, 10)])
+    reading.start()
+    while device.decision is None and reading.is_alive():
+        pass
+    assert device.decision is not None
+    device.let_go()
+    reading.join()
+    assert device.decision is None
+    assert device.fault.startswith("the robot partner 'slow' takes longer to decide than the millisecond that it has")
+    assert not device.read(10 * MS).ready
 
 
 @pytest.mark.usefixtures("_partners")

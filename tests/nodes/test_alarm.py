@@ -1,6 +1,6 @@
 """Emergency stops; each trip of a device's safety chain is reported once."""
 
-from netboard.base.safeguards import TRIP_CAUSES, Safeguard
+from netboard.base.safeguards import PARTNER_LET_GO, TRIP_CAUSES, Safeguard
 from netboard.nodes.ports.emergency import RELEASE, REPEAT_INTERVAL_NS, STOP, EmergencyStop
 from netboard.nodes.ports.samples import STOPPED, TRIPPED
 
@@ -47,3 +47,12 @@ def test_reason_for_a_disarmed_device_is_its_latest_trip() -> None:
     assert alarm.why("left", 1) == f" ({TRIP_CAUSES[Safeguard.NOT_READY]})"
     assert alarm.why("right", 1) == ""
     assert alarm.why("left", REPEAT_INTERVAL_NS) == ""
+
+
+def test_device_of_a_robot_partner_that_is_not_ready_has_been_let_go() -> None:
+    alarm = EmergencyStop()
+    alarm.robots = frozenset(("right",))
+    bits = {"left": Safeguard.NOT_READY.value, "right": Safeguard.NOT_READY.value}
+    causes = {event["side"]: event["cause"] for _, event in alarm.poll(TRIPPED | TRIPPED << 1, bits, 0)}
+    assert causes == {"left": TRIP_CAUSES[Safeguard.NOT_READY], "right": PARTNER_LET_GO}
+    assert alarm.why("right", 1) == f" ({PARTNER_LET_GO})"

@@ -55,3 +55,6 @@ TRIP_CAUSES = {
     Safeguard.NOT_READY: "the device is not calibrated, not in a hand, or outside of its workspace",
 }
 """Safeguards that are reported as events when they begin, with the text of each."""
+
+PARTNER_LET_GO = "the robot partner has let go of the stylus; the log of its agent says why"
+"""Text of `Safeguard.NOT_READY` at a device whose stylus a robot partner holds."""

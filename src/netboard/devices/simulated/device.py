@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Records, composed, inlined, kernel, machine_code
+from netboard.base.compiled import Records, composed, inlined, kernel, machine_code, waiting
 from netboard.base.config import Config, Side
 from netboard.base.tick import NEVER_NS, TICK_NS
 from netboard.devices.contract.access import CompiledAccess, Fields
@@ -73,7 +73,7 @@ DEVICE = np.dtype(
         ("time_ns", "<i8"),  # time up to which the hand has been simulated, or NEVER_NS [ns]
         ("written", "<f8", (3,)),  # force written last, within the limit [N]
         ("acting", "<f8", (3,)),  # force of the motors on the hand [N]
-        ("faulty", "<i8"),  # 1: what holds the stylus has failed, so no force may be rendered
+        ("faulty", "<i8"),  # not 0: what holds the stylus has failed, and why; no force may be rendered
         ("z", "<f8"),  # height of the newest reading [m]
         ("vz", "<f8"),  # and its velocity [m/s]
         ("limit", "<f8"),  # largest force of the motors [N]
@@ -144,9 +144,12 @@ class Kernels(NamedTuple):
 
 @cache
 def kernels_with(holder_acts: Callable[..., None]) -> Kernels:
-    """Compile the kernels of a simulated device around what its holder does at an update of its hand."""
-    advance = composed(advance_to, advance_held=advance_with(holder_acts))
-    return Kernels(advance, composed(live, advance_to=advance), composed(read, advance_to=advance))
+    """Compile the kernels of a simulated device around what its holder does at an update of its hand.
+
+    Other threads run meanwhile: a holder may hang.
+    """
+    advance = composed(advance_to, waiting, advance_held=advance_with(holder_acts))
+    return Kernels(advance, composed(live, waiting, advance_to=advance), composed(read, waiting, advance_to=advance))
 
 
 @kernel

@@ -20,12 +20,29 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.simulated.device import SimulatedDevice
-from netboard.participants.body.stylus import ACTION, StylusMechanics, hold, let_go_unless_finite
+from netboard.participants.body.stylus import (
+    ACTION,
+    MAX_HAND_FORCE,
+    NOT_A_NUMBER,
+    TOO_SLOW,
+    TOO_STRONG,
+    StylusMechanics,
+    hold,
+    let_go,
+    let_go_unless_possible,
+)
 from netboard.participants.policy import OBSERVATION, TRUTH, Decide, Policy
 from netboard.participants.seat.partners import make_partner
 
 BACKEND = "partner"
 """Name of this backend."""
+
+LET_GO = {
+    NOT_A_NUMBER: "commanded what is not a number",
+    TOO_STRONG: f"commanded a force of more than {MAX_HAND_FORCE:g} N",
+    TOO_SLOW: "takes longer to decide than the millisecond that it has",
+}
+"""Why a partner has let go of the stylus, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +63,7 @@ class SeatedPolicy(NamedTuple):
     reading: NDArray[Any]  # record of the device, with the newest reading and the force written last
     side: NDArray[np.int64]
     scale: NDArray[np.float64]  # factor of the board's force on the hand; 0 if the force tells nothing [1]
+    deciding: NDArray[np.int64]  # 1 while the policy decides
 
 
 def _decide(state: np.void, constants: np.void, observation: np.void, actions: Records) -> None:
@@ -54,7 +72,10 @@ def _decide(state: np.void, constants: np.void, observation: np.void, actions: R
 
 
 def _act(holder: SeatedPolicy, stylus: np.void, force: float, when: float, action: np.void) -> None:
-    """Let the policy see, feel and act."""
+    """Let the policy see, feel and act, unless it has let go."""
+    if holder.reading[0]["faulty"]:
+        let_go(action)
+        return
     o, d, side = holder.observation[0], holder.reading[0], holder.side[0]
     o["tick"] += 1
     o["time"] = o["start"] = when
@@ -62,9 +83,12 @@ def _act(holder: SeatedPolicy, stylus: np.void, force: float, when: float, actio
     o["force"][side] = force
     scale = holder.scale[0]
     o["felt"] = d["written"][2] / scale if scale > 0.0 else nan
+    holder.deciding[0] = 1
     _decide(holder.state[0], holder.constants[0], o, holder.actions)
-    if not let_go_unless_finite(action):
-        d["faulty"] = 1
+    holder.deciding[0] = 0
+    why = let_go_unless_possible(action)
+    if why != 0:  # not written otherwise: another thread may have done so meanwhile
+        d["faulty"] = why
 
 
 @cache
@@ -84,6 +108,7 @@ class RobotPartner(SimulatedDevice):
         self._constants, self._policy_state = policy.constants.copy(), state
         self.observation = np.zeros(1, OBSERVATION)
         self._actions, self._scale = np.zeros(len(SIDES), ACTION), np.zeros(1)
+        self._deciding = np.zeros(1, np.int64)
         holder = SeatedPolicy(
             state,
             self._constants,
@@ -92,6 +117,7 @@ class RobotPartner(SimulatedDevice):
             self._state,
             np.array([place]),
             self._scale,
+            self._deciding,
         )
         self.identity: Mapping[str, str] = policy.identity
         held = hold(self._model, policy.hand(), self._actions[place : place + 1], holder)
@@ -131,9 +157,17 @@ class RobotPartner(SimulatedDevice):
     @property
     def fault(self) -> str:
         """Why the partner has let go of the stylus in this block; empty if it has not."""
-        if not self._device["faulty"]:
-            return ""
-        return f"the robot partner {self.partner!r} commanded what is not a number, and has let go of the stylus"
+        why = LET_GO.get(int(self._device["faulty"]))
+        return f"the robot partner {self.partner!r} {why}, and has let go of the stylus" if why else ""
+
+    @property
+    def decision(self) -> int | None:
+        """Number of the decision that the partner is taking; None if it takes none at this moment."""
+        return int(self.observation[0]["tick"]) if self._deciding[0] else None
+
+    def let_go(self) -> None:
+        """Let go of the stylus until the next block, because the partner decides too slowly."""
+        self._device["faulty"] = TOO_SLOW
 
 
 def _seated(name: str, config: Config, side: Side) -> tuple[Policy, NDArray[Any]]:

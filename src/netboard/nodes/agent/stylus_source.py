@@ -29,6 +29,7 @@ from netboard.network.transport import channels, sockets
 from netboard.network.transport.fastpath import Receiver
 from netboard.network.transport.waiting import NO_FILE
 from netboard.nodes.agent.agent_runs import NEVER_DUE_NS
+from netboard.nodes.agent.partner_watch import WatchedPartner, watch
 from netboard.participants.people.controller import Controller, pack_constants
 from netboard.participants.people.senses import DECISION_INTERVAL, Glimpse, write_glimpse
 from netboard.participants.people.submovement import Submovement
@@ -184,8 +185,8 @@ class SecondHand:
 
 
 @runtime_checkable
-class PartnerDevice(Protocol):
-    """A device whose stylus a robot partner holds."""
+class PartnerDevice(WatchedPartner, Protocol):
+    """A device whose stylus a robot partner holds, as its source sees it."""
 
     side: Side
     partner: str  # its name
@@ -224,6 +225,7 @@ class PartnerSource:
         self._scales = force_scales(config)
         self._fault = ""
         self.file = self._views.file
+        watch(device)
 
     @property
     def identity(self) -> Mapping[str, str]:

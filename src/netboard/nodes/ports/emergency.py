@@ -6,7 +6,7 @@ Pure: it gets everything as arguments and only remembers.
 """
 
 from netboard.base.config import SIDES, Side
-from netboard.base.safeguards import TRIP_CAUSES, Safeguard
+from netboard.base.safeguards import PARTNER_LET_GO, TRIP_CAUSES, Safeguard
 from netboard.network.protocol.records import RELEASED, STOPPED
 from netboard.nodes.ports import samples
 
@@ -30,6 +30,7 @@ class EmergencyStop:
 
     def __init__(self) -> None:
         self.halted = ""
+        self.robots: frozenset[Side] = frozenset()  # whose stylus a robot partner holds, as an operator may know
         self._reported_ns: dict[tuple[Side, Safeguard], int] = {}  # when a cause was last reported [ns]
 
     def halt(self, reason: str) -> list[Event]:
@@ -59,7 +60,7 @@ class EmergencyStop:
     def why(self, side: Side, now_ns: int) -> str:
         """Return what has just tripped a device's safety chain, in brackets; empty if nothing has."""
         recent = [key for key, at_ns in self._reported_ns.items() if now_ns - at_ns < REPEAT_INTERVAL_NS]
-        causes = [TRIP_CAUSES[cause] for device, cause in recent if device == side]
+        causes = [self._text(side, cause) for device, cause in recent if device == side]
         return f" ({', '.join(causes)})" if causes else ""
 
     def _events_of(self, side: Side, bits: int, now_ns: int) -> list[Event]:
@@ -67,4 +68,8 @@ class EmergencyStop:
         before_ns = now_ns - REPEAT_INTERVAL_NS
         new = [c for c in TRIP_CAUSES if bits & c.value and self._reported_ns.get((side, c), before_ns) <= before_ns]
         self._reported_ns.update(((side, cause), now_ns) for cause in new)
-        return [("safeguard", {"side": side, "cause": TRIP_CAUSES[cause]}) for cause in new]
+        return [("safeguard", {"side": side, "cause": self._text(side, cause)}) for cause in new]
+
+    def _text(self, side: Side, cause: Safeguard) -> str:
+        """Return the text of a cause."""
+        return PARTNER_LET_GO if cause == Safeguard.NOT_READY and side in self.robots else TRIP_CAUSES[cause]

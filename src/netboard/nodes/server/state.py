@@ -8,6 +8,7 @@ import numpy as np
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.device_kind import DeviceKind, held_by
+from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tick import STATE, TICK, TICK_NS
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
@@ -113,6 +114,9 @@ class SessionState:
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :].data
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
+        hands = block.config.block
+        robots = (side for side in SIDES if not hands.blinded and getattr(hands, side) not in (PERSON, STILL))
+        self.emergency_stop.robots = frozenset(robots)
         motion = self.ports.motion
         motion.gains = block.latency.gains
         for side, agent in motion.agents.items():

@@ -44,19 +44,33 @@ ACTION = np.dtype(
 """What a hand does to the stylus until the next update."""
 
 
+MAX_HAND_FORCE = 50.0
+"""Largest force besides its stiffness that a hand may command: the strength of a pinch (Mathiowetz et al. 1985) [N]."""
+
+NOT_A_NUMBER, TOO_STRONG, TOO_SLOW = 1, 2, 3
+"""Why a hand has let go: its action was not a number or too strong, or its policy decides too slowly; 0: it has not."""
+
+
 @inlined
-def let_go_unless_finite(action: np.void) -> bool:
-    """Return whether all of an action is a number; otherwise the hand lets go, with no stiffness, damping and force."""
-    target, force = action["target"], action["force"]
-    total = action["stiffness"] + action["damping"]
-    for axis in range(3):
-        total += target[axis] + force[axis]
-    if np.isfinite(total):
-        return True
+def let_go(action: np.void) -> None:
+    """Let the hand go: no stiffness, damping and force."""
     action["stiffness"] = action["damping"] = 0.0
     for axis in range(3):
-        target[axis] = force[axis] = 0.0
-    return False
+        action["target"][axis] = action["force"][axis] = 0.0
+
+
+@inlined
+def let_go_unless_possible(action: np.void) -> int:
+    """Return 0 if a hand can do an action; else let go, and return why."""
+    target, force = action["target"], action["force"]
+    total, largest = action["stiffness"] + action["damping"], 0.0
+    for axis in range(3):
+        total += target[axis] + force[axis]
+        largest = max(largest, abs(force[axis]))
+    if np.isfinite(total) and largest <= MAX_HAND_FORCE:
+        return 0
+    let_go(action)
+    return TOO_STRONG if np.isfinite(total) else NOT_A_NUMBER
 
 
 MECHANICS = np.dtype(

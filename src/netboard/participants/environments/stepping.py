@@ -19,7 +19,7 @@ from netboard.base.compiled import Records, Words, borrowed, inlined, kernel
 from netboard.base.safeguards import Safeguard
 from netboard.base.tick import START_NS, TICK_NS
 from netboard.participants.body.device_forces import within as within_limit
-from netboard.participants.body.stylus import let_go_unless_finite, pulled
+from netboard.participants.body.stylus import let_go_unless_possible, pulled
 from netboard.participants.body.velocity_window import SAMPLES, SLACK, make_windowed
 from netboard.participants.policy import Decide
 from netboard.participants.seat.body import BEFORE, LEAD_NS, STEPS, delayed_force
@@ -189,7 +189,7 @@ def _take(partner: Partner, sc: SceneArrays, g: int, j: int) -> None:
     for side in range(2):
         if partner.seat.hands[side]:
             action = partner.actions[g * LANES + j, side]
-            let_go_unless_finite(action)
+            let_go_unless_possible(action)
             sc.doing[g, TARGET, side, j], sc.doing[g, FORCE, side, j] = action["target"][2], action["force"][2]
             sc.doing[g, STIFFNESS, side, j], sc.doing[g, DAMPING, side, j] = action["stiffness"], action["damping"]
 

@@ -18,7 +18,7 @@ from netboard.base.compiled import Numbers, Records, Words, composed, inlined
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS, TICK_WORDS
-from netboard.participants.body.stylus import let_go_unless_finite
+from netboard.participants.body.stylus import let_go_unless_possible
 from netboard.participants.people.person import ParticipantPolicy
 from netboard.participants.policy import OBSERVATION, TRUTH, Decide, Policy
 from netboard.participants.seat.body import LEAD_NS
@@ -106,7 +106,7 @@ def _attend(
     if seat.flags[1]:
         for side in range(2):
             if seat.hands[side]:
-                let_go_unless_finite(actions[side])
+                let_go_unless_possible(actions[side])
 
 
 class SeatKernels(NamedTuple):

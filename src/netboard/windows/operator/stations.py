@@ -8,7 +8,7 @@ from netboard.base.config import Side
 from netboard.base.device_kind import HIDDEN, STAND_INS, DeviceKind
 from netboard.base.plural import plural
 from netboard.base.process.display_server import unseen
-from netboard.base.safeguards import TRIP_CAUSES, Safeguard
+from netboard.base.safeguards import PARTNER_LET_GO, TRIP_CAUSES, Safeguard
 from netboard.network.protocol.control import LinkStatus, StationStatus, Status
 from netboard.nodes.ports.emergency import AWAITING_RELEASE
 from netboard.windows.operator.changes import LATELY, RecentCounts
@@ -55,6 +55,8 @@ def _device(station: _Station, limits: Limits) -> LampState:
     if Safeguard.DEVICE_LOST in station.bits:
         tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
         return LampLevel.BAD, "lost", tip
+    if Safeguard.NOT_READY in station.bits and held is not None and held.kind == DeviceKind.ROBOT:
+        return LampLevel.BAD, "let go", f"Force zero: {PARTNER_LET_GO}. It holds it again in the next block."
     if Safeguard.NOT_READY in station.bits:
         tip = "Not calibrated, not held, or outside its workspace: calibrate it, and hold the stylus."
         return LampLevel.WATCH, "not ready", tip
