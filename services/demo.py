@@ -67,7 +67,10 @@ def demo(
     demo_options = demo_settings(
         trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
     )
-    demo_options += partner_settings("left" if play == "right" else "right", partner)
+    seat = "left" if play == "right" else "right"
+    if partner and (named := [one for one in overrides or () if one.startswith(f"block.{seat}=")]):
+        raise ConfigError(f"--partner: found {partner} beside --set {named[-1]}, expected one of both")
+    demo_options += partner_settings(seat, partner)
     if study is not None:
         load_study(study)  # refused before any process starts
         demo_options.append("session.pilot=true")

@@ -111,13 +111,13 @@ def test_smallest_p_is_stated_while_tests_are_exact(dyads: int, least: str) -> N
 
 def test_robot_partner_is_named() -> None:
     (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on vs off")).sentences
-    assert "dyadic trials with a robot partner took 0.90 times" in found
+    assert "dyadic trials with the robot partner took 0.90 times" in found
     assert found.endswith("The whole interval is below 1.")
 
 
 def test_level_of_a_factor_is_no_partner() -> None:
     (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, still partner, mass light, haptics on vs off")).sentences
-    assert "dyadic trials with a still partner, mass light took 0.90 times" in found
+    assert "dyadic trials with the still partner, mass light took 0.90 times" in found
     (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, mass light, haptics on vs off")).sentences
     assert "dyadic trials with mass light took 0.90 times" in found
 

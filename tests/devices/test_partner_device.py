@@ -1,5 +1,6 @@
 """The device whose stylus a robot partner holds: its contract, its bits, and partners that fail."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from math import nan
@@ -10,7 +11,7 @@ import pytest
 
 from netboard.base.compiled import composed, inlined
 from netboard.base.config import Config, Side
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.devices.contract.device import Device
 from netboard.devices.simulated.partner import RobotPartner
 from netboard.participants.body.stylus import ACTION, HandMechanics
@@ -101,6 +102,40 @@ def slow(config: Config, side: Side) -> Policy:
     return Slow()
 
 
+@inlined
+def _raise_after_a_while(state: np.void, k: np.void, observation: np.void, actions: np.ndarray) -> None:
+    state["updates"] += 1
+    if state["updates"] > 50:
+        raise ValueError("my policy failed")
+
+
+class Raising(Failing):
+    """A partner that raises after a while."""
+
+    decide = staticmethod(_raise_after_a_while)
+
+
+def raising(config: Config, side: Side) -> Policy:
+    """Make the partner that raises."""
+    return Raising()
+
+
+@inlined
+def _not_compilable(state: np.void, k: np.void, observation: np.void, actions: np.ndarray) -> None:
+    actions[0]["force"][2] = float(json.dumps(1.0))
+
+
+class Uncompiled(Failing):
+    """A partner whose kernel is no code that Numba can compile."""
+
+    decide = staticmethod(_not_compilable)
+
+
+def uncompiled(config: Config, side: Side) -> Policy:
+    """Make the partner that does not compile."""
+    return Uncompiled()
+
+
 class SeesTruth(Failing):
     """A partner that sees what no agent knows."""
 
@@ -114,7 +149,7 @@ def sees_truth(config: Config, side: Side) -> Policy:
 
 @pytest.fixture
 def _partners(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    for made in (failing, strong, slow, sees_truth):
+    for made in (failing, strong, slow, raising, uncompiled, sees_truth):
         monkeypatch.setitem(POLICIES, made.__name__, f"{__name__}:{made.__name__}")
     return
 
@@ -166,6 +201,24 @@ def test_other_threads_see_a_decision_that_takes_long_and_can_make_the_partner_l
 def test_partner_that_sees_the_true_state_is_refused() -> None:
     with pytest.raises(ConfigError, match="'sees_truth' sees the true state of the scene, which"):
         RobotPartner("left", configured("sees_truth"))
+
+
+@pytest.mark.usefixtures("_partners")
+def test_partner_that_does_not_compile_is_refused_in_one_line() -> None:
+    words = r"^the robot partner 'uncompiled' cannot be used: Unknown attribute 'dumps' .* \(File .*, line \d+\)$"
+    with pytest.raises(ConfigError, match=words):
+        RobotPartner("left", configured("uncompiled"))
+
+
+@pytest.mark.usefixtures("_partners")
+@pytest.mark.parametrize(
+    ("name", "why"), [("raising", "ValueError: my policy failed"), ("uncompiled", "Unknown attribute 'dumps'")]
+)
+def test_rehearsal_names_a_partner_that_fails(name: str, why: str) -> None:
+    config = replace(Config(), block=replace(Config().block, left=name, trials=1))
+    rehearsal = Rehearsal(config, {"A": config.participant, "B": config.participant})
+    with pytest.raises(NetboardError, match=f"the robot partner '{name}' has failed: {why}"):
+        list(rehearsal.pieces())
 
 
 def test_unknown_partner_is_refused() -> None:

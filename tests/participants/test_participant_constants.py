@@ -145,6 +145,7 @@ KNOWN = {
         "UPDATE_STEPS": "steps of the integration",
         "LANES": "length of a register",
         "ACTION": "type",
+        "MAX_HAND_FORCE": "limit of what is no error, far above the forces of the participants",
         "MECHANICS": "type",
         "STYLUS": "type",
     },

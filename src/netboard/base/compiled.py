@@ -9,6 +9,7 @@ every machine and with the compiler switched off. That holds for kernels of + - 
 
 import hashlib
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
@@ -19,6 +20,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.base import BaseContext
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import NumbaError
 from numba.core.typing.templates import Signature
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
@@ -281,6 +283,19 @@ _borrow: Any = intrinsic(_uncounted)
 @specialised(borrowed)
 def _borrowed(value: types.Type) -> Any:
     return lambda value: _borrow(value)
+
+
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def compiler_words(error: Exception) -> str:
+    """Return in one line why a kernel of somebody else does not compile, or what it raises."""
+    if not isinstance(error, NumbaError):
+        return f"{type(error).__name__}: {error}"
+    lines = [line.strip() for line in _COLOURS.sub("", str(error)).splitlines()]
+    said = next((line for line in lines if line and not line.startswith("Failed in ")), "it does not compile")
+    where = next((line.rstrip(":") for line in lines if line.startswith("File ")), "")
+    return f"{said} ({where})" if where else said
 
 
 def machine_code(compiled: Callable[P, R], *arguments: object) -> Callable[P, R]:

@@ -252,7 +252,7 @@ def _trials(team: str) -> str:
     """Return a phrase for the trials of a team."""
     configuration, *others = team.split(", ")
     partners = [f"{kind} partner" for kind in STAND_INS]
-    details = [f"a {one}" if one in partners else one for one in others]
+    details = [f"the {one}" if one in partners else one for one in others]
     return f"{configuration} trials" + (f" with {', '.join(details)}" if details else "")
 
 

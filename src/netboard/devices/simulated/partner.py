@@ -15,9 +15,9 @@ from typing import Annotated, Any, NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Records, composed, inlined
+from netboard.base.compiled import Records, compiler_words, composed, inlined
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.simulated.device import SimulatedDevice
 from netboard.participants.body.stylus import (
@@ -100,6 +100,14 @@ def _act_with(decide: Decide) -> Callable[..., None]:
 @final
 class RobotPartner(SimulatedDevice):
     """A simulated device whose stylus a robot partner holds."""
+
+    def __init__(self, side: Side, config: Config) -> None:
+        try:
+            super().__init__(side, config)
+        except NetboardError:
+            raise
+        except Exception as error:  # of any type: the code of a lab, which is compiled here
+            raise ConfigError(f"the robot partner {self.partner!r} cannot be used: {compiler_words(error)}") from error
 
     def _held(self, config: Config) -> tuple[StylusMechanics, Callable[..., None]]:
         self.partner = self.read_options(PartnerOptions).partner

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Numbers, Records, Words, borrowed, composed, machine_code
+from netboard.base.compiled import Numbers, Records, Words, borrowed, compiler_words, composed, machine_code
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.experiment import PERSON, Block
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS, TICK_WORDS
@@ -179,7 +179,7 @@ class Rehearsal:
         self._stage = make_stage(config)
         self._state = self._stage.initial()
         self._code: Callable[..., int] | None = None
-        block = config.block
+        self._block = block = config.block
         seed = (block.seed, block.number)
         taken = [(policy_at(config, sides, people), station) for station, sides in seats_of(config)]
         taken += [(Nobody(), "left")] * (len(SIDES) - len(taken))
@@ -234,10 +234,16 @@ class Rehearsal:
         commands[max(self._last_tick - self._ticks, 0) :] = Cause.STOP  # the tick between two trials does not take it
 
     def _run(self, piece: TickRun) -> int:
-        """Run the next ticks; return their number."""
+        """Run the next ticks, and return their number; say in words what a kernel of a robot partner raises."""
         stage = self._stage
         of_stage = self._state, piece, self._ticks, stage.book, stage.tables
         arguments = *of_stage, self._devices, *self._seats, self._completions
-        if self._code is None:
-            self._code = machine_code(_loop_around(stage.ticks, *self._decides), *arguments)
-        return self._code(*arguments)
+        try:
+            if self._code is None:
+                self._code = machine_code(_loop_around(stage.ticks, *self._decides), *arguments)
+            return self._code(*arguments)
+        except Exception as error:  # of any type: the code of a lab
+            if not self.partners:
+                raise
+            who = " or ".join(repr(getattr(self._block, side)) for side in self.partners)
+            raise NetboardError(f"the robot partner {who} has failed: {compiler_words(error)}") from error
