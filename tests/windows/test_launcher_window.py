@@ -444,6 +444,7 @@ def test_parts_of_a_study_are_added_and_removed_with_keys_alone(window) -> None:
 def test_part_that_is_needed_or_has_no_form_of_its_own_is_not_removed(window) -> None:
     page = window.study
     page.load("pilot")
+    assert not page.add_button.isEnabled(), "there is no name"
     assert not page.remove_button.isEnabled(), "the whole text is shown"
     page.part.setCurrentText("kinds.dyadic")
     page.remove()

@@ -90,7 +90,7 @@ def advice(facts: LaunchFacts) -> str:
     if facts.stage is LaunchStage.IDLE:
         return facts.problem or "F2 creates what is missing and starts everything."
     if facts.stage is LaunchStage.PREPARING:
-        return "Keys, folders and compiled code are being created (see the log); the session then starts by itself."
+        return "Creating keys, folders and compiled code (see the log); then the session starts."
     if facts.stage is LaunchStage.STOPPING:
         return "Agents, displays and console first, then the server, then the logger."
     if facts.broken:

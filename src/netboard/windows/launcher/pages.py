@@ -174,6 +174,7 @@ class StudyPage(QWidget):
         self.collection, self.new_name = QComboBox(), QLineEdit()
         self.new_name.setPlaceholderText("name of a new part")
         self.add_button, self.remove_button = QPushButton("Add"), QPushButton("Remove")
+        self.add_button.setEnabled(False)
         self.form = DeclaredForm()
         self.shown = QStackedWidget()
         self.shown.addWidget(self.editor)
