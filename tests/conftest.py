@@ -1,6 +1,7 @@
 """Makes ``tests/*.py`` importable, sets Hypothesis without deadlines, and selects the tests that run."""
 
 import gc
+import math
 from collections.abc import Generator
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import sampling
+from netboard.base.terminal import compiling
 
 pytest.register_assert_rewrite("netboard.testing")
 
@@ -26,6 +28,7 @@ settings.load_profile("untimed")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config: pytest.Config) -> None:
+    compiling.SHOWN_AFTER_S = math.inf  # what a command prints here does not depend on what is in the cache
     if sampling.SEED and config.getoption("hypothesis_seed") is None:
         config.option.hypothesis_seed = str(sampling.SEED)
 

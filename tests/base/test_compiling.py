@@ -16,6 +16,7 @@ def made(monkeypatch: pytest.MonkeyPatch, *, terminal: bool, expected: int = 100
     console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True)
     seconds: Iterator[float] = iter(range(1000))
     monkeypatch.setattr(compiling, "plain_console", lambda **options: console)
+    monkeypatch.setattr(compiling, "SHOWN_AFTER_S", 2.0)
     monkeypatch.setattr(compiling.time, "monotonic", lambda: next(seconds))
     return CompilationBar(expected), console
 

@@ -66,7 +66,8 @@ def test_name_that_the_terminal_cannot_show_is_printed_as_its_code(tmp_path: Pat
         check=False,
         env=os.environ | {"PYTHONIOENCODING": "latin-1"},
     )
-    assert (result.returncode, result.stderr) == (0, b"")
+    said = [line for line in result.stderr.splitlines() if not line.startswith(b"compiling kernels")]
+    assert (result.returncode, said) == (0, [])
     assert b"\\u65e5\\u672c" in result.stdout
 
 
