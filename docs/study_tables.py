@@ -37,6 +37,8 @@ STUDIES = (
     Shown("decisions", "explanation/robots.md", "robots ", "decisions", "robots decisions machine"),
     Shown("dyads", "explanation/latency.md", "loop-", "scale shared waiting", "dyads machine"),
     Shown("faults", "explanation/faults.md", "", "processes links peers devices machines", "faults machine"),
+    Shown("environments", "how-to/environments.md", "environments ",
+          "speed policies differences", "environments machine"),
     Shown("fit", "explanation/participants-fit.md", "fit ", "summaries parameters recovery fit"),
     Shown("forces", "explanation/forces.md", "forces ", "conditions"),
     Shown("information", "explanation/participants-information.md", "information ",

@@ -36,7 +36,7 @@ def physics(
 
 @benchmark(app, "netboard bench environments --quick", "netboard bench environments -o results")
 def environments(options: "Options") -> None:
-    """Speed of the environments for reinforcement learning, beside Gymnasium's vector CartPole."""
+    """Speed of the environments for reinforcement learning, and how far those at reduced fidelity differ."""
     from netboard.benchmarks.environments.bench import main
 
     main(options)

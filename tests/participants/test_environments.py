@@ -20,10 +20,10 @@ from pettingzoo.utils.conversions import parallel_to_aec  # noqa: E402
 
 from netboard.base.config import Config  # noqa: E402
 from netboard.base.errors import ConfigError  # noqa: E402
+from netboard.participants.batch.spaces import SceneOptions  # noqa: E402
 from netboard.participants.environments.parallel import BoardParallelEnv  # noqa: E402
 from netboard.participants.environments.registration import BOARD  # noqa: E402
 from netboard.participants.environments.single import BoardEnv  # noqa: E402
-from netboard.participants.environments.spaces import SceneOptions  # noqa: E402
 from netboard.participants.environments.vector import BoardVectorEnv  # noqa: E402
 from netboard.recording.files.offline_writer import BlockWriter  # noqa: E402
 from netboard.services.cli import app  # noqa: E402

@@ -129,7 +129,15 @@ KNOWN = {
         "PERCEPT": "type",
     },
     "registration": {"BOARD": "a name"},
-    "scenes": {"Array": "type", "METHOD": "a name"},
+    "scenes": {"Array": "type"},
+    "agents": {"METHOD": "a name"},
+    "arrays": {"LANES": "length of a register", "BOTH": "length of a register"},
+    "reduced_steps": {
+        "LANES": "length of a register",
+        "LONGEST": "step of the integration, on the page of the environments",
+        "ROWS": "length of a state",
+        "VIEW_ROWS": "length of a view",
+    },
     "spaces": {
         "ACTIONS": "scales of an agent's numbers",
         "VIEW": "scales of an agent's numbers",
@@ -138,7 +146,6 @@ KNOWN = {
         "BOUND": "bound of an agent's numbers",
         "SPEED_ACTION": "scale of an agent's numbers",
     },
-    "stepping": {"LANES": "length of a register"},
     "stylus": {
         "STEP_NS": "step of the integration",
         "STEP": "step of the integration",

@@ -11,10 +11,11 @@ from netboard.base.compiled import inlined
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
+from netboard.participants.batch.agents import block_of
+from netboard.participants.batch.scenes import Scenes
+from netboard.participants.batch.spaces import RewardWeights, SceneOptions
 from netboard.participants.body.device_models import resolved
 from netboard.participants.body.stylus import HandMechanics
-from netboard.participants.environments.scenes import Scenes, block_of
-from netboard.participants.environments.spaces import RewardWeights, SceneOptions
 from netboard.participants.people.muscles import hand_mechanics
 from netboard.participants.policy import Policy, identity_of
 from netboard.participants.seat import block as rehearsed

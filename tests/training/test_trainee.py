@@ -10,8 +10,9 @@ from netboard.base.compiled import kernel
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
-from netboard.participants.environments.scenes import Scenes, block_of
-from netboard.participants.environments.spaces import SceneOptions
+from netboard.participants.batch.agents import block_of
+from netboard.participants.batch.scenes import Scenes
+from netboard.participants.batch.spaces import SceneOptions
 from netboard.participants.robots.learned import INPUTS, PERIOD, read_weights
 from netboard.participants.robots.network import TrainedNetwork, pack_network, run, units_of
 from netboard.participants.seat import block as rehearsed

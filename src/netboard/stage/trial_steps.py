@@ -109,12 +109,13 @@ def decide(s: np.void, command: int, rules: np.void) -> int:
         The command of the tick, a `netboard.task.trials.state_machine.Cause`; 0 for none [1].
     """
     _count(s, rules)
-    phase = s["phase"]
-    cause = take_transition(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
-    # A repeat or a veto leaves the phase as it is, so what the ball does still counts in this tick.
-    if cause not in (_NONE, _REPEAT, _VETO):
-        return cause
+    phase, cause = s["phase"], _NONE
+    if command != _NONE:  # nearly all ticks have none, and tables take long
+        cause = take_transition(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
+        # A repeat or a veto leaves the phase as it is, so what the ball does still counts in this tick.
+        if cause not in (_NONE, _REPEAT, _VETO):
+            return cause
     centre = s["target"] * rules["target_distance"]
     trial, extra, block_ticks = s["trial"], s["extra"], s["block_ticks"]
     sensed = sense(phase, s["p"], centre, s["counted"], s["run_ticks"], trial, extra, block_ticks, rules)
-    return take_transition(s, sensed, rules) or cause
+    return cause if sensed == _NONE else take_transition(s, sensed, rules) or cause

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from netboard.base.config import SIDES, Config
 from netboard.base.tables.simulated import Participant
-from netboard.participants.environments.spaces import RewardWeights
+from netboard.participants.batch.spaces import RewardWeights
 from netboard.participants.environments.vector import MAX_SEED, BoardVectorEnv
 from netboard.participants.robots.learned import PERIOD
 

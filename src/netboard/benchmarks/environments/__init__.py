@@ -1,1 +1,1 @@
-"""Speed of the environments for reinforcement learning, beside Gymnasium's own CartPole. Open `bench.py`."""
+"""Speed of the environments for reinforcement learning, and how far reduced fidelity differs. Open `bench.py`."""

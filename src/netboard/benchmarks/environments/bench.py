@@ -1,8 +1,9 @@
 """``netboard bench environments``: environment steps per second of processor time, beside Gymnasium's vector CartPole.
 
 A step is 10 ticks of 1 ms: actions in, observations, rewards and ends out, with the resets that follow. Actions are
-small and random, drawn before the timing, so that trials begin, balls roll and fall, and episodes end. The lower bound
-is the integration of board and ball alone, with the kernel and the groups of scenes that the environments have.
+small and random, drawn before the timing. The lower bound is the integration of board and ball alone in strict
+arithmetic, with the kernel and the groups of scenes that the environments have. `fidelity` measures how far the
+environments at reduced fidelity differ from the strict ones.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,9 +18,12 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import Records, kernel
 from netboard.base.config import Config
+from netboard.benchmarks.environments import fidelity
 from netboard.benchmarks.harness.results import Folder, ResultPart
 from netboard.benchmarks.harness.running import Options, Tell, run
-from netboard.participants.environments.stepping import LANES, lanes_of, put_state
+from netboard.participants.batch.arrays import LANES
+from netboard.participants.batch.spaces import REDUCED
+from netboard.participants.batch.stepping import lanes_of, put_state
 from netboard.participants.environments.vector import BoardVectorEnv
 from netboard.stage.stage import TickKernels, make_stage
 
@@ -49,6 +53,7 @@ class Case:
 
 
 CASES = (
+    Case("one agent, both hands, haptics off, reduced fidelity", {"seat": "both", "fidelity": REDUCED}, "none"),
     Case("one agent, both hands, haptics off", {"seat": "both"}, "none"),
     Case("one agent beside a hand held still, haptics off", {"seat": "left", "other": "still"}, "none"),
     Case("one agent beside a simulated participant, haptics off", {"seat": "left", "other": "person"}, "none"),
@@ -77,12 +82,19 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     part = ResultPart("speed", "Steps per second of processor time", "environment | boards | steps/s | ns per step")
     for (name, count), rate in rates.items():
         part.add(name, count, rate, 1e9 / rate)
-    part.add(f"lower bound: board and ball alone, {TICKS} ticks", COUNTS[-1], 1e9 / (bound * TICKS), bound * TICKS)
+    part.add(
+        f"lower bound in strict arithmetic: board and ball alone, {TICKS} ticks",
+        COUNTS[-1],
+        1e9 / (bound * TICKS),
+        bound * TICKS,
+    )
     most = {case.name: rates[case.name, COUNTS[-1]] for case in CASES}
     for case, goal in ((CASES[0], 10e6), (CASES[-1], 1e6)):
         claim = f"{case.name}: at least {goal / 1e6:g} million steps per second with {COUNTS[-1]} boards"
         part.claim(claim, most[case.name] >= goal, f"{most[case.name] / 1e6:.2f} million")
     yield part
+    tell("training at both fidelities", 1.0)
+    yield from fidelity.study()
 
 
 def calls_per_second(call: Callable[[], object], seconds: float) -> float:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from netboard.base.config import SIDES, Config
+from netboard.participants.batch.agents import block_of
+from netboard.participants.batch.scenes import make_scenes
+from netboard.participants.batch.spaces import SceneOptions
 from netboard.participants.environments.rendering import draw
-from netboard.participants.environments.scenes import Scenes, block_of
-from netboard.participants.environments.spaces import SceneOptions
 from netboard.participants.environments.vector import MAX_SEED, action_space, observation_space
 
 _ONE = np.zeros(1, np.int64)
@@ -31,7 +32,7 @@ class BoardParallelEnv(ParallelEnv):
     max_cycles : int or None
         Largest number of steps of an episode; None for ``max_seconds`` alone [1].
     **options
-        Those of `netboard.participants.environments.spaces.SceneOptions`.
+        Those of `netboard.participants.batch.spaces.SceneOptions`.
 
     Raises
     ------
@@ -57,7 +58,7 @@ class BoardParallelEnv(ParallelEnv):
             raise ValueError(f"render_mode: found {render_mode!r}, expected None or 'rgb_array'")
         block, agents = block_of(config or Config(), "each", "person")
         self.render_mode, self.max_cycles = render_mode, max_cycles
-        self.scenes = Scenes(block, agents, 1, SceneOptions(**options))
+        self.scenes = make_scenes(block, agents, 1, SceneOptions(**options))
         self.possible_agents = list(SIDES)
         self.agents: list[str] = []
         self._actions: dict[str, spaces.Box] = {side: action_space(self.scenes.options, 1) for side in SIDES}

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
+from netboard.participants.batch.agents import block_of
+from netboard.participants.batch.scenes import make_scenes
+from netboard.participants.batch.spaces import SceneOptions
 from netboard.participants.environments.rendering import draw
-from netboard.participants.environments.scenes import Scenes, block_of
-from netboard.participants.environments.spaces import SceneOptions
 from netboard.participants.environments.vector import MAX_SEED, action_space, observation_space
 
 _ONE = np.zeros(1, np.int64)
@@ -22,13 +23,13 @@ class BoardEnv(gymnasium.Env):
     Parameters
     ----------
     seat, other : str
-        As for `netboard.participants.environments.scenes.block_of`.
+        As for `netboard.participants.batch.agents.block_of`.
     config : Config or None
         Scene, task, device and force condition; None for the defaults.
     render_mode : str or None
         ``rgb_array``, or None for no images.
     **options
-        Those of `netboard.participants.environments.spaces.SceneOptions`.
+        Those of `netboard.participants.batch.spaces.SceneOptions`.
 
     Raises
     ------
@@ -53,7 +54,7 @@ class BoardEnv(gymnasium.Env):
             raise ValueError("seat: found 'each', which has two agents; expected 'left', 'right' or 'both'")
         block, agents = block_of(config or Config(), seat, other)
         self.render_mode = render_mode
-        self.scenes = Scenes(block, agents, 1, SceneOptions(**options))
+        self.scenes = make_scenes(block, agents, 1, SceneOptions(**options))
         hands = len(agents[0].sides)
         self.action_space = action_space(self.scenes.options, hands)
         self.observation_space = observation_space(self.scenes.options, hands)

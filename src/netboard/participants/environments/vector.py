@@ -11,12 +11,16 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
+from netboard.participants.batch.agents import block_of
+from netboard.participants.batch.scenes import make_scenes
+from netboard.participants.batch.spaces import BOUND, SceneOptions
 from netboard.participants.environments.rendering import draw
-from netboard.participants.environments.scenes import Scenes, block_of
-from netboard.participants.environments.spaces import BOUND, SceneOptions
 
 MAX_SEED = 2**31 - 1
 """Largest seed of an episode [1]."""
+
+_AHEAD = 16
+"""Seeds of episodes that are drawn for a board at once: a generator takes as long for one [1]."""
 
 _AGENT = 0
 
@@ -32,6 +36,29 @@ def observation_space(options: SceneOptions, hands: int) -> spaces.Box:
 
 
 @final
+class EpisodeSeeds:
+    """Seeds of the episodes of some boards, each from a generator of its own; they do not depend on each other."""
+
+    def __init__(self, seeds: Sequence[int | None]) -> None:
+        self._generators = [seeding.np_random(seed)[0] for seed in seeds]
+        self._drawn, self._used = np.zeros((len(seeds), _AHEAD), np.int64), np.full(len(seeds), _AHEAD)
+
+    def reseed(self, board: int, seed: int) -> None:
+        """Begin with the first episode of a seed."""
+        self._generators[board] = seeding.np_random(seed)[0]
+        self._used[board] = _AHEAD
+
+    def following(self, boards: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the seeds of the next episodes of some boards."""
+        for board in boards[self._used[boards] == _AHEAD]:
+            self._drawn[board] = self._generators[board].integers(MAX_SEED, size=_AHEAD)
+            self._used[board] = 0
+        seeds: NDArray[np.int64] = self._drawn[boards, self._used[boards]]
+        self._used[boards] += 1
+        return seeds
+
+
+@final
 class BoardVectorEnv(VectorEnv):
     """Many boards, each with one agent; its actions and observations are those of `BoardEnv`.
 
@@ -40,7 +67,7 @@ class BoardVectorEnv(VectorEnv):
     num_envs : int
         Number of boards [1].
     seat, other : str
-        As for `netboard.participants.environments.scenes.block_of`; ``each`` has two agents and is for
+        As for `netboard.participants.batch.agents.block_of`; ``each`` has two agents and is for
         `netboard.participants.environments.parallel.BoardParallelEnv`.
     config : Config or None
         Scene, task, device and force condition; None for the defaults.
@@ -51,7 +78,7 @@ class BoardVectorEnv(VectorEnv):
     render_mode : str or None
         ``rgb_array``, or None for no images.
     **options
-        Those of `netboard.participants.environments.spaces.SceneOptions`.
+        Those of `netboard.participants.batch.spaces.SceneOptions`.
 
     Raises
     ------
@@ -85,13 +112,13 @@ class BoardVectorEnv(VectorEnv):
         self.num_envs, self.render_mode, self.copy = num_envs, render_mode, copy
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.scenes = Scenes(block, agents, num_envs, SceneOptions(**options))
+        self.scenes = make_scenes(block, agents, num_envs, SceneOptions(**options))
         hands = len(agents[_AGENT].sides)
         self.single_action_space = action_space(self.scenes.options, hands)
         self.single_observation_space = observation_space(self.scenes.options, hands)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._generators: list[np.random.Generator] = []
+        self._seeds: EpisodeSeeds | None = None
         self._observations = np.zeros((num_envs, *self.single_observation_space.shape), np.float32)
         self._done = np.ones(num_envs, bool)
 
@@ -131,15 +158,17 @@ class BoardVectorEnv(VectorEnv):
             seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed: found {len(seeds)} of them, expected {self.num_envs}")
-        if not self._generators:
-            self._generators = [seeding.np_random(one)[0] for one in seeds]
+        if self._seeds is None:
+            self._seeds = EpisodeSeeds(seeds)
+            return
         for board in chosen:
-            if seeds[board] is not None:
-                self._generators[board] = seeding.np_random(seeds[board])[0]
+            if (one := seeds[board]) is not None:
+                self._seeds.reseed(board, one)
 
     def _begin(self, boards: NDArray[np.int64]) -> None:
         """Begin an episode on some boards."""
-        self.scenes.reset(boards, [int(self._generators[board].integers(MAX_SEED)) for board in boards])
+        assert self._seeds is not None
+        self.scenes.reset(boards, self._seeds.following(boards))
         self._done[boards] = False
 
     def step(
@@ -152,7 +181,7 @@ class BoardVectorEnv(VectorEnv):
         actions : ndarray, shape (num_envs, n)
             What the agents do, from -1 to 1 [1].
         """
-        if not self._generators:
+        if self._seeds is None:
             raise RuntimeError("step: reset the environment first")
         if self.autoreset_mode == AutoresetMode.DISABLED and self._done.any():
             raise RuntimeError("step: reset the boards whose episode is over first, by options={'reset_mask': ...}")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
+from netboard.base.tick import TICK_SECONDS
 from netboard.participants.robots.learned import INPUTS, PERIOD, SPEED
 
 
@@ -64,6 +65,9 @@ TRUTH = (
 )
 """The true state, which no participant sees."""
 
+STRICT, REDUCED = "strict", "reduced"
+"""Fidelities of a simulation: that of the server, to the bit; and a faster one that differs from it."""
+
 BOUND = 10.0
 """Observed numbers are clipped to this magnitude [1]."""
 
@@ -93,6 +97,8 @@ class SceneOptions:
     agent decides of `ACTIONS`; the rest is that of the arm in ``[participant]``. ``record``: whether the rows of each
     episode are kept. ``learned_hand``: whether the one agent has the hand and the inputs of a learned partner
     (`netboard.participants.robots.learned`), and decides the speed of its equilibrium point; ``ticks`` is its period.
+    ``fidelity``: ``strict``, the arithmetic and devices of the server, or ``reduced``, faster and not exactly the same
+    (`netboard.participants.batch.reduced`).
     """
 
     ticks: int = 10
@@ -102,6 +108,7 @@ class SceneOptions:
     act: tuple[str, ...] = ("target",)
     record: bool = False
     learned_hand: bool = False
+    fidelity: str = STRICT
     reward: RewardWeights = field(default_factory=RewardWeights)
 
     def __post_init__(self) -> None:
@@ -116,6 +123,13 @@ class SceneOptions:
             raise ConfigError(f"max_seconds: found {self.max_seconds:g}, expected more than 0 and at most 3600")
         if self.learned_hand and self.ticks != PERIOD:
             raise ConfigError(f"ticks: found {self.ticks}, expected {PERIOD} with learned_hand")
+        if self.fidelity not in (STRICT, REDUCED):
+            raise ConfigError(f'fidelity: found {self.fidelity!r}, expected "strict" or "reduced"')
+        if self.fidelity == REDUCED and (self.record or self.learned_hand):
+            raise ConfigError(
+                "fidelity: found reduced with record or learned_hand, expected strict: a recording of reduced scenes "
+                "would not verify, and a learned partner needs a partner beside it"
+            )
         for name in ("time", "progress", "success", "failure"):
             if not 0.0 <= getattr(self.reward, name) < inf:
                 raise ConfigError(f"reward: found {name} {getattr(self.reward, name)}, expected a number from 0")
@@ -137,3 +151,9 @@ class SceneOptions:
 def scales_of(quantities: tuple[Quantity, ...]) -> NDArray[np.float64]:
     """Return the scales of some quantities, in their units."""
     return np.array([one.scale for one in quantities])
+
+
+def weights_of(options: SceneOptions) -> NDArray[np.float64]:
+    """Return what a reward is made of: costs of a tick and of a step, and weights of progress, success and failure."""
+    weights, tick = options.reward, options.reward.time * TICK_SECONDS
+    return np.array([tick, tick * options.ticks, weights.progress, weights.success, weights.failure])

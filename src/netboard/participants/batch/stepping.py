@@ -10,30 +10,28 @@ Rule 2: hands move along the vertical; a policy's lateral target and force have 
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Records, Words, borrowed, inlined, kernel
+from netboard.base.compiled import Records, borrowed, inlined, kernel
 from netboard.base.safeguards import Safeguard
 from netboard.base.tick import START_NS, TICK_NS
+from netboard.participants.batch.arrays import BOTH, LANES, Partner, SceneArrays, Viewers
+from netboard.participants.batch.sensing import make_sense
 from netboard.participants.body.device_forces import within as within_limit
 from netboard.participants.body.stylus import let_go_unless_possible, pulled
 from netboard.participants.body.velocity_window import SAMPLES, SLACK, make_windowed
 from netboard.participants.policy import Decide
 from netboard.participants.seat.body import BEFORE, LEAD_NS, STEPS, delayed_force
-from netboard.participants.seat.closed_loop import Seat, felt_of
-from netboard.physics.arithmetic.simd import lanes_at, nearest, put, within
-from netboard.physics.arithmetic.vectors import State
+from netboard.participants.seat.closed_loop import felt_of
+from netboard.physics.arithmetic.simd import lanes_at, nearest, put, where_within, within
+from netboard.physics.arithmetic.vectors import TINY, State
 from netboard.stage.curtain import glimpse
-from netboard.stage.stage import TickKernels, keep
-from netboard.stage.styluses import MAX_STYLUS_SPEED
+from netboard.stage.stage import MAX_TILT, TickKernels
 from netboard.stage.trial_steps import decide as decide_trial
 from netboard.task.trials.state_machine import Cause, is_free
-
-LANES = 16
-"""Scenes in a group [1]. Two registers of eight: their chains of operations overlap, and both fit the registers."""
 
 TARGET, STIFFNESS, DAMPING, FORCE = range(4)
 """Rows of what hands do: equilibrium height, impedance, and force [m, N/m, N s/m, N]."""
@@ -46,52 +44,9 @@ _ARMED, _CLAMPED = int(Safeguard.ARMED), int(Safeguard.CLAMPED)
 ENDED_IN_SUCCESS, ENDED_IN_FAILURE = 1, 2
 """How the trial of a scene has ended; 0 before [1]."""
 
-_BOTH = 2 * LANES  # styluses of a group
+_LARGEST = float(np.finfo(np.float64).max)
 
-_both_windows = make_windowed(_BOTH)
-
-
-class SceneArrays(NamedTuple):
-    """Many scenes; n is a multiple of `LANES`, and g the number of groups."""
-
-    states: Any  # (n,) STATE
-    ticks: NDArray[np.int64]  # (n,) ticks so far
-    ended: NDArray[np.int64]  # (n,) how the trial has ended
-    place: NDArray[np.float64]  # (g, 2, LANES) heights of both styluses [m]
-    v: NDArray[np.float64]  # their velocities [m/s]
-    motor: NDArray[np.float64]  # vertical motor forces that act [N]
-    commanded: NDArray[np.float64]  # and those commanded next [N]
-    smooth: NDArray[np.int64]  # (g,) 1: each stylus was used at the last tick; the next two then stand for the states
-    seen_vz: NDArray[np.float64]  # (g, 2, LANES) velocities of the last samples [m/s]
-    used_z: NDArray[np.float64]  # heights as last used [m]
-    reading: NDArray[np.float64]  # (g, 4, LANES) heights, then velocities, as the encoders read them [m, m/s]
-    doing: NDArray[np.float64]  # (g, 4, 2, LANES) what the hands do
-    stamps: NDArray[np.int64]  # (g, SAMPLES) times of the positions below [ns]
-    places: NDArray[np.float64]  # (g, SAMPLES, 2 LANES) newest positions [m]
-    queue: NDArray[np.float64]  # (n, 2, ticks) forces for a force delay [N]
-    rows: Any  # (LANES,) TICK: room for a tick of one group
-    words: Words  # the same memory as words
-    numbers: NDArray[np.float64]  # and as numbers
-    room: NDArray[np.float64]  # (27, LANES) room for state, drives and used rates of one group
-    mechanics: Any  # (2,) MECHANICS of both sides
-    device: NDArray[np.float64]  # encoder step and largest force [m, N]
-
-
-class Viewers(NamedTuple):
-    """What the seats of some agents are shown, for each agent and scene."""
-
-    curtain: Any  # (agents,) CURTAIN
-    every: NDArray[np.int64]  # (agents,) ticks between two views
-    following: NDArray[np.int64]  # (agents, n) tick of the next view
-    seen: Any  # (agents, n, views + 1) SEEN, newest first; the first may be of the last tick, and not yet seen
-
-
-class Partner(NamedTuple):
-    """A policy in a seat of each scene: at the other seat, or the robot through which an agent acts."""
-
-    seat: Seat  # of n scenes
-    actions: Any  # (n, 2) ACTION
-    following: NDArray[np.int64]  # (n,) tick of the next view
+_both_windows = make_windowed(BOTH)
 
 
 @inlined
@@ -112,7 +67,7 @@ def _move_hands(sc: SceneArrays, g: int, side: int, steps: int) -> None:
 def _read(sc: SceneArrays, g: int) -> None:
     """Read the heights of all styluses of a group, and estimate their velocities."""
     step, at = sc.device[0], 2 * g * LANES
-    places = lanes_at(sc.place, at, _BOTH)
+    places = lanes_at(sc.place, at, BOTH)
     if step > 0.0:
         places = nearest(places / step) * step
     _, v = _both_windows(sc.stamps[g], sc.places[g], SAMPLES, SLACK * step, sc.stamps[g, 0] + TICK_NS, places)
@@ -128,17 +83,6 @@ def _load(sc: SceneArrays, first: int) -> None:
         s = sc.states[first + j]
         room[0, j], room[1, j], room[2, j], room[3, j] = s["z"], s["vz"], s["theta"], s["omega"]
         room[4, j], room[5, j] = s["p"], s["vp"]
-
-
-@inlined
-def _row_inputs(sc: SceneArrays, g: int, j: int, tick: int) -> None:
-    """Write the samples and the command of a tick into its row."""
-    row, time_ns = sc.rows[j], START_NS + tick * TICK_NS
-    row["tick"], row["time_ns"], row["late_ns"] = tick, time_ns, -LEAD_NS
-    row["left_live"], row["left_seq"], row["left_stamp_ns"] = 1, tick, time_ns - LEAD_NS
-    row["right_live"], row["right_seq"], row["right_stamp_ns"] = 1, tick, time_ns - LEAD_NS
-    row["left_sent_z"], row["right_sent_z"] = sc.reading[g, 0, j], sc.reading[g, 1, j]
-    row["left_sent_vz"], row["right_sent_vz"] = sc.reading[g, 2, j], sc.reading[g, 3, j]
 
 
 @inlined
@@ -229,14 +173,6 @@ def put_state(room: NDArray[np.float64], first: int, x: State) -> None:
     put(room, (first + 5) * LANES, x[5])
 
 
-@inlined
-def put_drive(room: NDArray[np.float64], first: int, drive: State) -> None:
-    """Store the lanes of a drive; its last coefficient is 0 between two samples of a stylus."""
-    put(room, first, drive[0])
-    put(room, first + LANES, drive[1])
-    put(room, first + 2 * LANES, drive[2])
-
-
 @cache
 def make_begin(decide: Decide) -> Callable[..., None]:
     """Compile how the partners of some scenes act before the first tick."""
@@ -250,107 +186,6 @@ def make_begin(decide: Decide) -> Callable[..., None]:
             _take(partner, sc, g, j)
 
     return begin
-
-
-@inlined
-def _write_samples(sc: SceneArrays, g: int) -> None:
-    """Write the last samples of a group into the states of its scenes, which sensing one by one needs."""
-    for j in range(LANES):
-        i = g * LANES + j
-        s = sc.states[i]
-        s["left_seen_ns"] = s["right_seen_ns"] = START_NS + (sc.ticks[i] - 1) * TICK_NS - LEAD_NS
-        s["left_seen_vz"], s["right_seen_vz"] = sc.seen_vz[g, 0, j], sc.seen_vz[g, 1, j]
-        s["left_z"], s["right_z"] = sc.used_z[g, 0, j], sc.used_z[g, 1, j]
-    sc.smooth[g] = 0
-
-
-@kernel
-def write_samples(sc: SceneArrays, scenes: NDArray[np.int64]) -> None:
-    """Write the last samples of the groups of some scenes into the states, before some of these are replaced."""
-    for i in scenes:
-        if sc.smooth[i // LANES]:
-            _write_samples(sc, i // LANES)
-
-
-@inlined
-def _take_samples(sc: SceneArrays, g: int) -> None:
-    """Take the last samples of a group from the states of its scenes, if all were used."""
-    for j in range(LANES):
-        s, row = sc.states[g * LANES + j], sc.rows[j]
-        if s["left_seen_ns"] != row["left_stamp_ns"] or s["right_seen_ns"] != row["right_stamp_ns"]:
-            return
-        sc.seen_vz[g, 0, j], sc.seen_vz[g, 1, j] = s["left_seen_vz"], s["right_seen_vz"]
-        sc.used_z[g, 0, j], sc.used_z[g, 1, j] = s["left_z"], s["right_z"]
-    sc.smooth[g] = 1
-
-
-@cache
-def _make_sense_group(kernels: TickKernels) -> Callable[..., bool]:
-    """Compile how good samples of a group become drives, in lanes; it returns False, and does nothing, for others."""
-    sense_lanes, drive = kernels.sense_lanes, kernels.drive
-
-    @inlined
-    def sense_group(sc: SceneArrays, g: int, book: Records) -> bool:
-        room, scene, limit, at = sc.room, book[0]["scene"], book[0]["settings"]["stylus_range"], g * _BOTH
-        z, rate = lanes_at(sc.reading, 2 * at, _BOTH), lanes_at(sc.reading, 2 * at + _BOTH, _BOTH)
-        if not within(rate, MAX_STYLUS_SPEED):
-            return False
-        z, vz, az = sense_lanes(z, rate, lanes_at(sc.seen_vz, at, _BOTH), TICK_NS * 1e-9, LEAD_NS * 1e-9)
-        if not within(z, limit):
-            return False
-        put(sc.seen_vz, at, rate)
-        put(sc.used_z, at, z)
-        put(room, 23 * LANES, vz)
-        put(room, 25 * LANES, az)
-        for side in range(2):
-            k, c = (scene["k_right"], scene["c_right"]) if side else (scene["k_left"], scene["c_left"])
-            height, first = lanes_at(sc.used_z, at + side * LANES, LANES), (6 + 4 * side) * LANES
-            speed, push = lanes_at(room, (23 + side) * LANES, LANES), lanes_at(room, (25 + side) * LANES, LANES)
-            put_drive(room, first, drive(height, speed, push, k, c))
-        return True
-
-    return sense_group
-
-
-@cache
-def _make_sense(kernels: TickKernels, FELT: bool, PARTNER: bool, ROBOT: bool, RECORD: bool) -> Callable[..., None]:
-    """Compile how the newest samples of a group become the drives of its boards."""
-    sense, sense_group = kernels.sense, _make_sense_group(kernels)
-
-    @inlined
-    def keep_shown(sc: SceneArrays, viewers: Viewers, partner: Partner, robot: Partner, i: int, j: int) -> bool:
-        tick = sc.ticks[i]
-        shown = RECORD or (PARTNER and (tick == partner.following[i] or partner.seat.flags[0] != 0))
-        shown = shown or (ROBOT and tick == robot.following[i])
-        for a in range(len(viewers.every)):
-            shown = shown or tick == viewers.following[a, i]
-        if shown:
-            keep(sc.rows[j], sc.states[i])
-        return shown
-
-    @inlined
-    def sense_all(sc: SceneArrays, viewers: Viewers, partner: Partner, robot: Partner, g: int, book: Records) -> None:
-        room, scene, limit = sc.room, book[0]["scene"], book[0]["settings"]["stylus_range"]
-        if not RECORD and sc.smooth[g] and sense_group(sc, g, book):
-            for j in range(LANES):
-                if keep_shown(sc, viewers, partner, robot, g * LANES + j, j) or FELT:
-                    row = sc.rows[j]
-                    row["left_used_z"], row["right_used_z"] = sc.used_z[g, 0, j], sc.used_z[g, 1, j]
-                    row["left_used_vz"], row["right_used_vz"] = room[23, j], room[24, j]
-            return
-        if sc.smooth[g]:
-            _write_samples(sc, g)
-        for j in range(LANES):
-            i = g * LANES + j
-            keep_shown(sc, viewers, partner, robot, i, j)
-            _row_inputs(sc, g, j, sc.ticks[i])
-            hands = sense(sc.states[i], sc.rows[j], limit, scene)
-            for k in range(8):
-                room[6 + k, j] = hands[k]
-        if not RECORD:
-            _take_samples(sc, g)
-
-    return sense_all
 
 
 @cache
@@ -446,6 +281,20 @@ def _make_move(kernels: TickKernels) -> Callable[..., None]:
     return move_board
 
 
+@inlined
+def _calm_plausible(room: NDArray[np.float64]) -> bool:
+    """Set negligible numbers of the states to 0, as `calm` does, if all states of the group are plausible."""
+    x, _ = lanes_of(room)
+    total: Any = x[0] + x[1] + x[2] + x[3] + x[4] + x[5]
+    tilt: Any = x[2]
+    if not (within(total, _LARGEST) and within(tilt, MAX_TILT)):
+        return False
+    for row in range(6):
+        value = lanes_at(room, row * LANES, LANES)
+        put(room, row * LANES, where_within(abs(value), TINY, np.inf, value, 0.0))
+    return True
+
+
 @cache
 def _make_finish(
     kernels: TickKernels, decide: Decide, told: Decide, FELT: bool, PARTNER: bool, ROBOT: bool, RECORD: bool
@@ -465,16 +314,19 @@ def _make_finish(
         slot: int,
     ) -> None:
         room, rules, catch = sc.room, book[0]["rules"], book[0]["rendering"]["catch"]
+        plausible = _calm_plausible(room)
         for j in range(LANES):
             i = g * LANES + j
             s, row, tick = sc.states[i], sc.rows[j], sc.ticks[i]
-            settle(
-                s, row, (room[0, j], room[1, j], room[2, j], room[3, j], room[4, j], room[5, j]), row["event"], rules
-            )
-            room[0, j], room[1, j], room[2, j], room[3, j] = s["z"], s["vz"], s["theta"], s["omega"]
-            room[4, j], room[5, j] = s["p"], s["vp"]
-            if row["event"] == _FAULT:
-                sc.ended[i] = ENDED_IN_FAILURE
+            x: State = (room[0, j], room[1, j], room[2, j], room[3, j], room[4, j], room[5, j])
+            if plausible:
+                s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = x
+            else:
+                settle(s, row, x, row["event"], rules)
+                room[0, j], room[1, j], room[2, j], room[3, j] = s["z"], s["vz"], s["theta"], s["omega"]
+                room[4, j], room[5, j] = s["p"], s["vp"]
+                if row["event"] == _FAULT:
+                    sc.ended[i] = ENDED_IN_FAILURE
             if RECORD:
                 _row_service(sc, g, j)
             if FELT:
@@ -528,7 +380,7 @@ def make_steps(
     ``told``: kernel of the robot through which an agent acts, if one does.
     """
     FORCES = FELT or RECORD
-    sense_all, couple_all = _make_sense(kernels, FELT, PARTNER, ROBOT, RECORD), _make_couple(kernels)
+    sense_all, couple_all = make_sense(kernels, FELT, PARTNER, ROBOT, RECORD), _make_couple(kernels)
     decide_all, move_board = _make_decide(kernels, FORCES), _make_move(kernels)
     finish_all = _make_finish(kernels, decide, told, FELT, PARTNER, ROBOT, RECORD)
 
