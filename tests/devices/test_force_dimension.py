@@ -115,11 +115,11 @@ def test_missing_library_error_says_where_it_was_searched() -> None:
 def test_library_in_the_folder_of_the_sdk_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     release = tmp_path / "lib" / "release" / "lin-x86_64-gcc"
     release.mkdir(parents=True)
-    for name in ("libdhd.so.3.14.0", "libdhd.so.3.17.6", "libdrd.so.3.17.6"):
+    for name in ("libdhd.so.3.14.0", "libdhd.so.3.9.2", "libdhd.so.3.17.6", "libdrd.so.3.17.6"):
         (release / name).touch()
     monkeypatch.setenv("FDSDK", str(tmp_path))
     found = [place for place in api.places() if place.startswith(str(tmp_path))]
-    assert found == [str(release / "libdhd.so.3.17.6"), str(release / "libdhd.so.3.14.0")]
+    assert found == [str(release / f"libdhd.so.{version}") for version in ("3.17.6", "3.14.0", "3.9.2")]
 
 
 @pytest.mark.parametrize(

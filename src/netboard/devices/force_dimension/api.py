@@ -7,6 +7,7 @@ the last error of each thread, so it is asked for in the thread that made the ca
 
 import ctypes
 import os
+import re
 import sys
 from ctypes import POINTER, byref, c_byte, c_char_p, c_double, c_int, c_ubyte, c_uint, c_ushort, c_void_p
 from enum import IntEnum
@@ -166,8 +167,13 @@ def places() -> list[str]:
     folders = [Path("/usr/local/lib")]
     if base := os.environ.get("FDSDK"):
         folders = [*sorted(Path(base, "lib", "release").glob("*")), *folders]
-    found = [str(at) for folder in folders for at in sorted(folder.glob("libdhd.so.3*"), reverse=True)]
-    return ["libdhd.so.3", "libdhd.so", *found]
+    found = [at for folder in folders for at in sorted(folder.glob("libdhd.so.3*"), key=_version, reverse=True)]
+    return ["libdhd.so.3", "libdhd.so", *map(str, found)]
+
+
+def _version(library: Path) -> list[int]:
+    """Return the version in the name of a library: 3.17 is newer than 3.9."""
+    return [int(number) for number in re.findall(r"\d+", library.name)]
 
 
 _loaded: dict[int, Dhd] = {}
