@@ -80,12 +80,14 @@ def test_load_returns_none_without_a_profile(tmp_path: Path) -> None:
 
 
 def test_save_keeps_the_previous_profile_as_a_backup(tmp_path: Path) -> None:
-    first, second = make_profile(zero_z=0.01), make_profile(zero_z=0.02)
+    """Identification and calibration each write a profile: the first one must not be lost."""
+    first, second, third = (make_profile(zero_z=z) for z in (0.01, 0.02, 0.03))
     path = profile.save(tmp_path / "profiles", first)
     assert profile.save(tmp_path / "profiles", second) == path
-    assert profile.load(tmp_path / "profiles", "virtual-left") == second
-    assert profile.parse(path.with_name(f"{path.name}.bak").read_text("utf-8"), "bak") == first
-    assert sorted(each.name for each in path.parent.iterdir()) == ["virtual-left.toml", "virtual-left.toml.bak"]
+    assert profile.save(tmp_path / "profiles", third) == path
+    assert profile.load(tmp_path / "profiles", "virtual-left") == third
+    kept = {each.name: profile.parse(each.read_text("utf-8"), "bak") for each in path.parent.iterdir()}
+    assert kept == {path.name: third, f"{path.name}.bak": first, f"{path.name}.bak.2": second}
 
 
 def test_save_with_replace_keeps_no_backup(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -28,6 +29,13 @@ def write_synced(path: Path, text: str) -> None:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
+
+
+def free_backup(path: Path) -> Path:
+    """Return the name of the next backup of a file: no earlier backup is replaced."""
+    first = path.with_name(f"{path.name}.bak")
+    numbered = (path.with_name(f"{path.name}.bak.{number}") for number in count(2))
+    return first if not first.exists() else next(name for name in numbered if not name.exists())
 
 
 @contextmanager

@@ -4,7 +4,8 @@ A profile belongs to a serial number, not to a side, so it stays valid when two 
 in the folder ``agents.profiles``, named after the serial number. ``netboard devices identify`` and ``netboard devices
 calibrate`` write it, and it is read whenever the device is opened. A device without a profile is used unchanged.
 
-Files are replaced atomically: the new text goes to a temporary name first. The previous file is kept as ``.bak``.
+Files are replaced atomically: the new text goes to a temporary name first. The previous file is kept as ``.bak``,
+later ones as ``.bak.2`` and so on.
 """
 
 import shutil
@@ -17,7 +18,7 @@ from urllib.parse import quote
 from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
-from netboard.base.files.new import write_synced
+from netboard.base.files.new import free_backup, write_synced
 from netboard.base.files.text import find_text
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write
 
@@ -135,7 +136,7 @@ def load(folder: Path, serial: str) -> Profile | None:
 def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
     """Save the profile of a device.
 
-    The folder is created if missing. ``replace``: without keeping the previous profile as ``.bak``. Returns the path of
+    The folder is created if missing. ``replace``: without keeping the previous profile as a backup. Returns the path of
     the file. Raises `ConfigError` if the profile is invalid or the file cannot be written.
     """
     path = file_of(folder, profile.device.serial)
@@ -146,7 +147,7 @@ def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
         fresh = path.with_name(f"{path.name}.new")
         write_synced(fresh, text)
         if path.exists() and not replace:
-            shutil.copy2(path, path.with_name(f"{path.name}.bak"))
+            shutil.copy2(path, free_backup(path))
         fresh.replace(path)
     except OSError as error:
         raise ConfigError(f"{path}: the device's profile cannot be written: {error}") from error

@@ -14,6 +14,7 @@ from rich.live import Live
 from netboard.base import clock
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, DeviceError, NetboardError
+from netboard.base.files.new import free_backup
 from netboard.base.finding import Finding
 from netboard.base.process.realtime import Priority, cpus_for, prepare, steady_loop
 from netboard.base.process.stopping import Stopping, interrupted_by_stop_signals, no_terminal_suspension
@@ -277,10 +278,11 @@ def now_in_words() -> str:
 def _save(config: Config, known: Profile, replace_it: bool, quiet: bool) -> None:
     """Write a profile, and print its path."""
     folder = Path(config.agents.profiles)
-    before = profile.file_of(folder, known.device.serial).exists() and not replace_it
-    path = profile.save(folder, known, replace=replace_it)
+    path = profile.file_of(folder, known.device.serial)
+    backup = free_backup(path).name if path.exists() and not replace_it else ""
+    profile.save(folder, known, replace=replace_it)
     if not quiet:
-        kept = f"; the previous one is now {path.name}.bak" if before else ""
+        kept = f"; the previous one is now {backup}" if backup else ""
         console.print(f"{path}: written{kept}", soft_wrap=True)
 
 

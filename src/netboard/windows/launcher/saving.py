@@ -1,10 +1,9 @@
 """Files that a page of the launcher writes: complete or not at all, and nothing that is there is lost."""
 
-from itertools import count
 from pathlib import Path
 
 from netboard.base.errors import ConfigError, NetboardError, writing
-from netboard.base.files.new import new_file, write_synced
+from netboard.base.files.new import free_backup, new_file, write_synced
 from netboard.base.files.text import read_text
 
 
@@ -45,10 +44,8 @@ class EditedFile:
 
 
 def _back_up(path: Path, text: str) -> str:
-    """Keep the text of a file beside it, and replace no earlier backup; return the name."""
-    first = path.with_name(f"{path.name}.bak")
-    numbered = (path.with_name(f"{path.name}.bak.{number}") for number in count(2))
-    free = first if not first.exists() else next(name for name in numbered if not name.exists())
-    with new_file(free) as part:
+    """Keep the text of a file beside it; return the name."""
+    backup = free_backup(path)
+    with new_file(backup) as part:
         write_synced(part, text)
-    return free.name
+    return backup.name
