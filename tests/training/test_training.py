@@ -83,6 +83,19 @@ def test_training_leaves_weights_with_a_card_a_table_and_a_figure(tmp_path: Path
         TrainingSession(SHORT, Config(), "bimanual_off", folder, resume=True)
 
 
+def test_training_that_was_stopped_in_its_last_round_has_its_whole_curve(tmp_path: Path) -> None:
+    def stop(words: str, done: int, rounds: int) -> None:
+        if done == rounds:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        TrainingSession(SHORT, Config(), "bimanual_off", tmp_path / "cut").run(stop, held_out=1, trials=1)
+    resumed = TrainingSession(SHORT, Config(), "bimanual_off", tmp_path / "cut", resume=True)
+    resumed.run(lambda *_: None, held_out=1, trials=1)
+    _, *rounds = (tmp_path / "cut" / "curve.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in rounds] == ["1", "2"]
+
+
 def test_best_round_is_the_fastest_that_is_stable() -> None:
     assert best_round([RoundPlayed(77, 2.6), RoundPlayed(107, 2.0), RoundPlayed(60, 2.1), RoundPlayed(-1, nan)]) == 2
     with pytest.raises(ConfigError, match=r"the network of no round steers stably with late views: .* up to -1, 12 ms"):

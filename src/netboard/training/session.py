@@ -36,6 +36,7 @@ class TrainingSession:
             played.append(self._play(done.round))
             tell(f"round {done.round} of {rounds}: {played[-1]}", done.round, rounds)
             write_curve(self._folder, self._training.curve, played)
+        write_curve(self._folder, self._training.curve, played)  # if all rounds were done, and the last one was cut off
         kept = self._training.curve[best_round(played) - 1]
         weights = weights_of_round(self._folder, kept.round)
         found = evaluate(weights, self._population.held_out(held_out), self._config, trials, tell)
