@@ -22,6 +22,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import StudyData as Tables
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.topics.measures import levels
+from netboard.analysis.topics.pushes import pushes
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.nodes.rehearsal.jobs import rehearse_all
@@ -59,10 +60,13 @@ def cohort(tmp_path_factory: pytest.TempPathFactory) -> Cohort:
 
 @pytest.fixture(scope="module")
 def analysed(tmp_path_factory: pytest.TempPathFactory) -> Tables:
-    """The first virtual study, recorded and analysed."""
-    folder = tmp_path_factory.mktemp("recorded")
-    for dyad in (1, 2):
-        jobs = jobs_of_dyad(DESIGN.config, DESIGN.study, DESIGN.seed_of(1), dyad)
+    return recorded(DESIGN, tmp_path_factory.mktemp("recorded"))
+
+
+def recorded(design: VirtualDesign, folder: Path) -> Tables:
+    """Record and analyse the first virtual study."""
+    for dyad in range(1, design.dyads + 1):
+        jobs = jobs_of_dyad(design.config, design.study, design.seed_of(1), dyad)
         rehearse_all([replace(job, folder=folder) for job in jobs], 1)
     return study_of([measure(run, Readings()) for run in runs_of(sorted(folder.glob("*.mcap")))], Readings())
 
@@ -88,6 +92,26 @@ def test_dyad_levels_equal_those_of_analysed_recordings(cohort: Cohort, analysed
     expected = levels(analysed, kept.measure).pivot(index="dyad", columns="condition", values="level")
     assert found.to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
     assert list(found.index) == ["D01", "D02"]
+
+
+@pytest.mark.slow
+def test_responses_to_pushes_equal_those_of_analysed_recordings(tmp_path: Path) -> None:
+    push = "perturbation = { at = 'ball', force = 0.03, time = 0.3 }\nkinds.dyadic.perturbed = 3\n"
+    plan = PLAN.replace("trials = 2", "trials = 8").replace("[orders]", f"{push}[orders]")
+    design = replace(DESIGN, study=parse_study(plan, "pushed"), dyads=1)
+    table = pd.DataFrame(unpack(simulate(design, 1)).tables["pushes"])
+    parts = pushes(recorded(design, tmp_path)).parts
+    assert list(table["condition"]) == [one.condition.name for one in parts for _ in one.performers]
+    assert set(table["force"]) == {"full", "none"}
+    assert set(table["pushed"]) == {"ball"}
+    for name, attribute in (("peak", "peak"), ("peak_time", "at"), ("half_back", "half_back")):
+        expected = [getattr(response, attribute) for one in parts for response in one.responses]
+        np.testing.assert_array_equal(table[name], expected)
+
+
+@pytest.mark.slow
+def test_plan_without_pushes_has_no_table_of_them(cohort: Cohort) -> None:
+    assert set(cohort.get(1).tables) == {"groups", "trials"}
 
 
 @pytest.mark.slow

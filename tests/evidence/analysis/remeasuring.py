@@ -77,12 +77,9 @@ def update_measures(base: Measured, takes: Sequence[AttemptData], groups: tuple[
     """Replace the paper's measures by those of other takes, and copy all else from `base`."""
     fields = tuple(field for group in groups for field in group.fields)
     rows = [{name: value for group in groups for name, value in group.of(take).items()} for take in takes]
-    moves = [
-        {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} | dict(row)
-        for name, take in zip(base.trials["recording"], takes, strict=True)
-        for row in movements(take)
-    ]
-    return replace(base, trials=base.trials | columns_of(fields, rows), movements=columns_of(_DELAY_FIELDS, moves))
+    moves = movements(base.blocks["recording"][0], takes)
+    delays = {field.name: moves[field.name] for field in _DELAY_FIELDS}
+    return replace(base, trials=base.trials | columns_of(fields, rows), movements=delays)
 
 
 def attempt_values(measured: Measured) -> Columns:

@@ -1,4 +1,4 @@
-"""``make evidence ARGS=rehearsals``: speed of rehearsals on one core, beside the stage alone, in the same run.
+"""``make evidence ARGS=rehearsals``: speed of rehearsals and cohorts, beside the stage alone, in the same run.
 
 The baseline computes ticks of a session's block from given hands, as a replay does: no hands, no devices, no
 participants. Participants who infer nothing from the force have no observer, so the difference is what it costs.
@@ -11,8 +11,11 @@ from time import process_time
 
 import numpy as np
 
-from evidence.participants.trials import PAPER_TRIALS, Population
+from evidence.participants.trials import PAPER_TRIALS, SEED, Population
 from netboard.analysis.cohort.block import measured, rehearse
+from netboard.analysis.cohort.virtual import VirtualDesign, packed_tables
+from netboard.analysis.extraction.recordings import Measured
+from netboard.base.process.workers import cores
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, ResultPart
@@ -20,6 +23,7 @@ from netboard.benchmarks.harness.running import Tell
 from netboard.nodes.rehearsal.jobs import RehearsalJob
 from netboard.participants.seat.block import Rehearsal
 from netboard.stage.stage import make_stage
+from netboard.task.studies.study import paper_study
 
 DYADS = 4
 """Sessions that are rehearsed one after the other in a process, as a worker of a cohort does [1]."""
@@ -43,7 +47,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Time rehearsals, and the virtual studies of a cohort."""
     trials, rounds = (QUICK_TRIALS, QUICK_ROUNDS) if quick else (PAPER_TRIALS, ROUNDS)
     yield speed_part(trials, rounds, tell)
-    yield cohort_part(trials, rounds, tell)
+    yield from cohort_parts(trials, rounds, tell)
 
 
 def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
@@ -81,24 +85,26 @@ def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
     return part
 
 
-def cohort_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
-    """Time the steps of a virtual study, on one of its sessions, beside the stage alone."""
+def cohort_parts(trials: int, rounds: int, tell: Tell) -> Iterator[ResultPart]:
+    """Time the steps of a virtual study, on one of its sessions, beside the stage alone, and divide the whole time."""
     jobs = Population(trials=trials).jobs(1)
     found = [rehearse(job) for job in jobs]
     ticks = sum(one.ticks for one in found)
 
-    def whole() -> None:
-        for place, job in enumerate(jobs, start=1):
-            measured(job, place, rehearse(job))
+    design = VirtualDesign(paper_study(), jobs[0].config, dyads=1, seed=SEED)
+
+    def measures() -> list[Measured]:
+        return [measured(job, place, rehearse(job)) for place, job in enumerate(jobs, start=1)]
 
     alone = _stage_alone(jobs)
     steps: dict[str, tuple[Callable[[], object], int]] = {
         _ALONE: (alone, alone()),
         "simulation": (lambda: _rehearse(jobs), ticks),
         "simulation, columns, attempts, flags": (lambda: [rehearse(job) for job in jobs], ticks),
-        "all of these, and measures": (whole, ticks),
+        "all of these, and measures": (measures, ticks),
+        "all of these, and tables": (lambda: packed_tables(design, 1, measures(), 0, ticks), ticks),
     }
-    whole()
+    packed_tables(design, 1, measures(), 0, ticks)
     taken: dict[str, list[float]] = {name: [] for name in steps}
     for number in range(rounds):
         tell("speed of cohorts", number / rounds)
@@ -109,13 +115,36 @@ def cohort_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
     part = ResultPart(
         "cohort",
         f"Processor time of a virtual study: one session, {trials} trials in a block, {rounds} rounds in turn",
-        f"what | ticks | a tick, median [ns] | fastest [ns] | / stage alone | {STUDIES} studies, 2 cores [h]",
+        f"what | ticks | a tick, median [ns] | fastest [ns] | / stage alone | {_hours()}",
     )
     for name, times in taken.items():
-        ratio = median(one / floor for one, floor in zip(times, taken[_ALONE], strict=True))
-        hours = median(times) * ticks * DYADS * STUDIES / 2.0 / 3600.0
-        part.add(name, steps[name][1], 1e9 * median(times), 1e9 * min(times), ratio, hours)
-    return part
+        part.add(name, steps[name][1], *_costs(times, taken[_ALONE], ticks))
+    yield part
+    alone, simulation, _, measuring, whole = map(np.array, taken.values())
+    shares = {"simulation": simulation, "measuring": measuring - simulation, "tables": whole - measuring}
+    part = ResultPart(
+        "cohort-hours",
+        f"{STUDIES} virtual studies of {DYADS} dyads on all cores, from the processor time of one session",
+        f"what | a tick, median [ns] | fastest [ns] | / stage alone | {_hours()}",
+    )
+    for name, times in {**shares, "all": whole}.items():
+        part.add(name, *_costs(times, alone, ticks))
+    yield part
+
+
+def _hours() -> str:
+    """Return the name of the column with the hours of all studies."""
+    return f"{STUDIES} studies, {cores()} cores [h]"
+
+
+def _costs(times: Sequence[float], alone: Sequence[float], ticks: int) -> tuple[float, float, float, float]:
+    """Return median and shortest time of a tick [ns], the ratio to the stage alone, and the hours of all studies.
+
+    ``ticks``: those of one session [1].
+    """
+    ratio = median(one / floor for one, floor in zip(times, alone, strict=True))
+    hours = median(times) * ticks * DYADS * STUDIES / cores() / 3600.0
+    return 1e9 * median(times), 1e9 * min(times), ratio, hours
 
 
 def _rehearse(jobs: Sequence[RehearsalJob]) -> int:

@@ -17,6 +17,7 @@ from evidence.participants.paper import EXTRA, STATEMENTS, Sample, Statement
 from evidence.participants.predictions import Prediction, differences_part, models_part, studies
 from evidence.participants.trials import ATTEMPT, Performance, Population, longest_rest, perform
 from netboard.analysis.cohort.block import measured, rehearse
+from netboard.base.process.workers import cores
 from netboard.benchmarks.harness.running import Options, no_progress, run
 
 
@@ -248,8 +249,13 @@ def test_speed_is_measured_beside_the_stage_alone(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.slow
 def test_steps_of_a_virtual_study_are_timed_beside_the_stage_alone() -> None:
-    part = speed.cohort_part(1, 1, no_progress)
+    part, divided = speed.cohort_parts(1, 1, no_progress)
     alone, *steps = part.rows
     assert alone[4] == 1.0
     assert {row[1] for row in steps} == {sum(rehearse(job).ticks for job in Population(trials=1).jobs(1))}
-    assert all(row[5] == pytest.approx(1e-9 * row[2] * row[1] * speed.DYADS * speed.STUDIES / 7200.0) for row in steps)
+    seconds = 3600.0 * cores()
+    assert all(row[5] == pytest.approx(1e-9 * row[2] * row[1] * speed.DYADS * speed.STUDIES / seconds) for row in steps)
+    *shares, whole = divided.rows
+    assert [row[0] for row in shares] == ["simulation", "measuring", "tables"]
+    assert sum(row[4] for row in shares) == pytest.approx(whole[4])
+    assert whole[4] == pytest.approx(steps[-1][5])

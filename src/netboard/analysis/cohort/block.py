@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.answers import FIELDS as ANSWERS
 from netboard.analysis.extraction.attempts import PAPER
 from netboard.analysis.extraction.controls import FIELDS as CONTROLS
-from netboard.analysis.extraction.details import MOVEMENTS, movements
+from netboard.analysis.extraction.details import movements
 from netboard.analysis.extraction.devices import always, simulated_mechanics
-from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
+from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, paths_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import Group, columns_of
 from netboard.analysis.extraction.trials import FORCES, PERTURBED, PLACES, BlockData
@@ -79,7 +79,7 @@ def rehearse(job: RehearsalJob, *, forces: bool = False) -> Rehearsed:
 
 
 def measured(job: RehearsalJob, place: int, found: Rehearsed, groups: Sequence[Group] = PAPER) -> Measured:
-    """Return the tables of a rehearsed block, without paths.
+    """Return the tables of a rehearsed block, with paths only if it has perturbation trials.
 
     - `place`: place of the block among those of its dyad, from 1 [1].
     - `groups`: measures of its attempts.
@@ -87,12 +87,11 @@ def measured(job: RehearsalJob, place: int, found: Rehearsed, groups: Sequence[G
     run = run_of(job, place)
     name, takes = run.path.stem, list(found.block.takes())
     fields = (*ATTEMPT, *(field for group in groups for field in group.fields))
-    turns = [place_of(name, take) | dict(row) for take in takes for row in movements(take)]
     return Measured(
         columns_of(BLOCKS, [block_row(run, found.block, repaired=False, unknown=0)]),
         columns_of(fields, [attempt_row(name, take, found.flags, groups) for take in takes]),
-        columns_of(MOVEMENTS, turns),
-        {},
+        movements(name, takes),
+        paths_of(name, takes if job.config.perturbation.trials else ()),
         columns_of(CONTROLS, []),
         columns_of(ANSWERS, []),
     )

@@ -61,6 +61,7 @@ ABOUT = {
     "studies": "one virtual study",
     "groups": "one group of trials of a performer in a condition of a virtual study",
     "trials": "one attempt at a trial in a virtual study",
+    "pushes": "the mean response of a performer to pushes at a place, in a condition of a virtual study",
 }
 """Meaning of a row of each table."""
 

@@ -1,5 +1,7 @@
 """Tables of a virtual study: one row for each performer, condition and group of trials, and if wanted each attempt.
 
+A plan with perturbation trials also has a table of the responses to their pushes.
+
 A row of `GROUPS` has means with their numbers of values, so that means over groups, performers and dyads are those that
 an analysis of all trials gives.
 """
@@ -14,13 +16,14 @@ import pandas as pd
 from netboard.analysis.cohort.block import TRIALS
 from netboard.analysis.extraction.details import THRESHOLDS
 from netboard.analysis.extraction.study import PLACE_IN_STUDY, StudyData
-from netboard.analysis.extraction.tables import ATTEMPT_KEY, count, number
+from netboard.analysis.extraction.tables import ATTEMPT_KEY, Columns, columns_of, count, number
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import ENDS
 from netboard.analysis.topics.groups import CLASSES, counted, excluded
 from netboard.analysis.topics.measures import MEASURES, Measure, rows_of
 from netboard.analysis.topics.models import trial_numbers
 from netboard.analysis.topics.performers import SHARES
+from netboard.analysis.topics.pushes import pushes
 from netboard.recording.format.channels import Field
 
 SIZE = ENDS
@@ -83,6 +86,15 @@ ATTEMPTS = (
 )
 """Columns of the table of attempts."""
 
+PUSHES = (
+    STUDY,
+    *(_LABELLED[name] for name in ("dyad", "performer", "condition", "configuration", "force", "pushed")),
+    number("peak", "peak displacement after a push, in its direction, from the mean course of trials without one", "m"),
+    number("peak_time", "time of the peak displacement after the onset", "s"),
+    number("half_back", "time after the onset until half-way back; NaN: not within the window", "s"),
+)
+"""Columns of the table of responses to pushes, as of `netboard.analysis.topics.pushes`."""
+
 KEYS = ["dyad", "performer", "condition", "group"]
 """Columns that identify a row of `GROUPS` in a study."""
 
@@ -113,8 +125,12 @@ KEPT = tuple(CohortMeasure(one, *_KEPT[one.name]) for one in MEASURES if one.nam
 
 
 def fields_of(study: StudyData) -> dict[str, tuple[Field, ...]]:
-    """Return the columns of the tables of groups and of attempts, with those of the study's factors."""
-    return {"groups": study.with_factor_fields(GROUPS), "trials": study.with_factor_fields(ATTEMPTS)}
+    """Return the columns of the tables of a study, with those of its factors."""
+    return {
+        "groups": study.with_factor_fields(GROUPS),
+        "trials": study.with_factor_fields(ATTEMPTS),
+        "pushes": PUSHES,
+    }
 
 
 def group_rows(study: StudyData, number: int) -> pd.DataFrame:
@@ -160,6 +176,27 @@ def _of_movements(rows: pd.DataFrame) -> pd.DataFrame:
     table = rows[KEYS].assign(**delays, signed_delay_20=rows["delay_20"])
     groups = table.groupby(KEYS, sort=False)
     return groups.agg(movements=("delay_20", "count")).join(groups.mean())
+
+
+def push_rows(study: StudyData, number: int) -> Columns:
+    """Return the mean response of each performer to pushes at a place, in each condition."""
+    rows = [
+        {
+            "study": number,
+            "dyad": dyad,
+            "performer": performer,
+            "condition": one.condition.name,
+            "configuration": one.condition.configuration,
+            "force": one.condition.force,
+            "pushed": one.place,
+            "peak": response.peak,
+            "peak_time": response.at,
+            "half_back": response.half_back,
+        }
+        for one in pushes(study).parts
+        for (dyad, performer), response in zip(one.performers, one.responses, strict=True)
+    ]
+    return columns_of(PUSHES, rows)
 
 
 def attempt_rows(study: StudyData, number: int) -> pd.DataFrame:

@@ -13,8 +13,9 @@ from typing import Any
 
 from netboard.analysis.cohort.block import READINGS, measured, rehearse
 from netboard.analysis.cohort.posterior import Posterior
-from netboard.analysis.cohort.rows import attempt_rows, fields_of, group_rows
+from netboard.analysis.cohort.rows import attempt_rows, fields_of, group_rows, push_rows
 from netboard.analysis.extraction.cache import Streams
+from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.study import StudyData as Tables
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.tables import Columns, written
@@ -111,12 +112,22 @@ def simulate(design: VirtualDesign, number: int) -> bytes:
             found = rehearse(job)
             tables.append(measured(job, place, found))
             given_up, ticks = given_up + found.given_up, ticks + found.ticks
-    study = study_of(tables, READINGS, {})
+    return packed_tables(design, number, tables, given_up, ticks)
+
+
+def packed_tables(
+    design: VirtualDesign, number: int, measured_blocks: Sequence[Measured], given_up: int, ticks: int
+) -> bytes:
+    """Return the packed tables of a virtual study from its measured blocks.
+
+    - `given_up`, `ticks`: aborted blocks, and simulated ticks of all blocks [1].
+    """
+    study = study_of(measured_blocks, READINGS)
     whole = {
         "study": number,
-        "seed": seed,
+        "seed": design.seed_of(number),
         "dyads": design.dyads,
-        "blocks": len(tables),
+        "blocks": len(measured_blocks),
         "given_up": given_up,
         "trials": len(study.counted),
         "attempts": len(study.trials),
@@ -127,6 +138,8 @@ def simulate(design: VirtualDesign, number: int) -> bytes:
     packed = {"groups": written(group_rows(study, number), fields["groups"])}
     if design.keep_trials:
         packed["trials"] = written(attempt_rows(study, number), fields["trials"])
+    if (study.trials["pushed"] != "").any():
+        packed["pushes"] = push_rows(study, number)
     return _packed(whole, packed, fields, study)
 
 

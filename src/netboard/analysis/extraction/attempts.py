@@ -46,7 +46,7 @@ def classes_of(take: AttemptData) -> NDArray[np.int8]:
 def strategy_of(take: AttemptData, braking: Braking) -> Strategy:
     """Find the first braking movement."""
     found = take.motion
-    return first_braking(take.segments, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
+    return first_braking(take.own_segments, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
 
 
 def _completion(take: AttemptData) -> dict[str, float | str]:

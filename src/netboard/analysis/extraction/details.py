@@ -4,16 +4,18 @@ Delays are signed, left minus right, and are stored twice: with the threshold as
 own peak. A path has every `STEP`-th sample of the filtered motion.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 
 from netboard.analysis.extraction.tables import PLACE, Columns, count, number
 from netboard.analysis.extraction.trials import RATE, AttemptData
 from netboard.analysis.measures.cooperation import PORTIONS, Contributions, Delays, contributions, delays
+from netboard.analysis.measures.segments import Segments
 from netboard.analysis.measures.signals import lasts
 from netboard.base.config import SIDES
+from netboard.recording.format.channels import DTYPES
 
 STEP = 20
 """Samples between two rows of a path: 20 ms. The filtered motion has no relevant content above 20 Hz [1]."""
@@ -60,9 +62,13 @@ PATHS = (
 """Columns of the table of paths."""
 
 
-def delays_of(take: AttemptData) -> tuple[Contributions, Delays]:
-    """Return the contributions to the movements of the board that begin in an attempt, and their delays as set."""
-    own, found, how = take.own_segments, take.motion, take.block.readings.delays
+def delays_of(take: AttemptData, movements: Segments | None = None) -> tuple[Contributions, Delays]:
+    """Return the contributions to movements of the board, and their delays as set.
+
+    By default, to the movements that begin in the attempt.
+    """
+    own = take.own_segments if movements is None else movements
+    found, how = take.motion, take.block.readings.delays
     moved = contributions(
         own, found.left_z, found.right_z, opposite=how.opposite, amount=how.amount, largest_ratio=how.largest_ratio
     )
@@ -79,27 +85,43 @@ def delays_of(take: AttemptData) -> tuple[Contributions, Delays]:
     return moved, as_set
 
 
-def movements(take: AttemptData) -> Iterator[Mapping[str, Any]]:
-    """Yield the rows of the movements of the board that begin in an attempt, without the columns that locate it."""
-    own, found = take.own_segments, take.motion
-    moved, as_set = delays_of(take)
+def movements(name: str, takes: Sequence[AttemptData]) -> Columns:
+    """Return the rows of the movements of the board in the attempts of a recording, by its name.
+
+    Attempts of one filtered motion are measured together.
+    """
+    parts = [_movements(name, list(own)) for _, own in groupby(takes, key=lambda take: id(take.motion))]
+    none = {field.name: np.zeros(0, DTYPES[field.kind]) for field in MOVEMENTS}
+    return {key: np.concatenate([empty, *(part[key] for part in parts)]) for key, empty in none.items()}
+
+
+def _movements(name: str, takes: Sequence[AttemptData]) -> Columns:
+    """Return the rows of the movements in attempts of one filtered motion."""
+    each = [take.own_segments for take in takes]
+    counts = [len(own) for own in each]
+    own = Segments(*(np.concatenate([getattr(one, key) for one in each]) for key in Segments.__slots__))
+    moved, as_set = delays_of(takes[0], own)
+    found = takes[0].motion
     of_own = delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
-    for k in range(len(own)):
-        yield {
-            "movement": k + 1,
-            "onset": (own.first[k] - take.trial.release) / RATE,
-            "duration": float(lasts(own.first[k], own.stop[k], RATE)),
-            "angle": own.angle[k],
-            "cut": int(own.cut[k]),
-            "left_moved": moved.left[k],
-            "right_moved": moved.right[k],
-            "cooperative": int(moved.cooperative[k]),
-            "left_peak": as_set.left_peak[k],
-            "right_peak": as_set.right_peak[k],
-            **{f"delay_{q}": as_set.signed[k, j] for j, q in enumerate(THRESHOLDS)},
-            **{f"truncated_{q}": int(as_set.truncated[k, j]) for j, q in enumerate(THRESHOLDS)},
-            **{f"own_delay_{q}": of_own.signed[k, j] for j, q in enumerate(THRESHOLDS)},
-        }
+    release = np.repeat([take.trial.release for take in takes], counts)
+    return {
+        "recording": np.full(len(own), name, DTYPES["string"]),
+        "trial": np.repeat([take.attempt.trial for take in takes], counts),
+        "attempt": np.repeat([take.attempt.attempt for take in takes], counts),
+        "movement": np.concatenate([np.arange(1, count + 1) for count in counts]),
+        "onset": (own.first - release) / RATE,
+        "duration": lasts(own.first, own.stop, RATE),
+        "angle": own.angle,
+        "cut": own.cut.astype(np.int64),
+        "left_moved": moved.left,
+        "right_moved": moved.right,
+        "cooperative": moved.cooperative.astype(np.int64),
+        "left_peak": as_set.left_peak,
+        "right_peak": as_set.right_peak,
+        **{f"delay_{q}": as_set.signed[:, j] for j, q in enumerate(THRESHOLDS)},
+        **{f"truncated_{q}": as_set.truncated[:, j].astype(np.int64) for j, q in enumerate(THRESHOLDS)},
+        **{f"own_delay_{q}": of_own.signed[:, j] for j, q in enumerate(THRESHOLDS)},
+    }
 
 
 def path(take: AttemptData) -> Columns:

@@ -144,13 +144,11 @@ def measure(run: Run, readings: Readings) -> Measured:
     _refuse_repeats(run, block)
     flags = {(verdict.trial, verdict.attempt): verdict.flags for verdict in verdicts}
     takes = list(block.takes())
-    places = [place_of(name, take) for take in takes]
-    turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
     return Measured(
         columns_of(BLOCKS, [block_row(run, block, repaired, unknown)]),
         columns_of(TRIALS, [attempt_row(name, take, flags) for take in takes]),
-        columns_of(MOVEMENTS, turns),
-        _paths(places, takes),
+        movements(name, takes),
+        paths_of(name, takes),
         columns_of(CONTROLS, list(controls(name, block, takes))),
         columns_of(ANSWERS, list(answers(name, events))),
     )
@@ -220,8 +218,9 @@ def attempt_row(
     return row
 
 
-def _paths(places: list[dict[str, Any]], takes: list[AttemptData]) -> Columns:
-    parts = [path(take) for take in takes]
+def paths_of(name: str, takes: Sequence[AttemptData]) -> Columns:
+    """Return the paths of the attempts of a recording, by its name."""
+    places, parts = [place_of(name, take) for take in takes], [path(take) for take in takes]
     lengths = [len(part["time"]) for part in parts]
     whole: Columns = {}
     for field in PATHS:

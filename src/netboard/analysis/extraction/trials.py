@@ -119,6 +119,8 @@ class BlockData:
 
     def perturbed_at(self, attempt: Attempt) -> float:
         """Return the onset of the perturbation after the release of an attempt; NaN if none came [s]."""
+        if not self._onsets.size:
+            return nan
         within = self._onsets[(self._onsets >= attempt.tick) & (self._onsets < attempt.stop)]
         return (int(within[0]) - attempt.tick) / RATE if within.size else nan
 

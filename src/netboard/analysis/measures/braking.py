@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.measures.motion import Trial
 from netboard.analysis.measures.segments import Segments
+from netboard.analysis.measures.signals import is_whole
 
 Braking = Literal["tilt", "rotation"]
 
@@ -67,22 +68,22 @@ def first_braking(
         Definition of a braking movement: it turns the board back until the tilt accelerates the ball away from the
         target, or it turns the board back at all, so that levelling the board counts.
     """
-    movements = segments.of_trial(trial)
-    gaps = np.flatnonzero(np.isnan(theta[trial.release : trial.stop]))
-    if gaps.size:  # a movement after a gap may not be the first
-        movements = movements.where(movements.first < trial.release + gaps[0])
-    towards = np.flatnonzero(movements.direction == -trial.side)
-    if towards.size == 0:
-        return Strategy(np.nan, np.nan, np.nan, np.nan, np.nan if gaps.size else len(movements))
-    initial = int(towards[0])
+    movements, within = segments.of_trial(trial), theta[trial.release : trial.stop]
+    whole = is_whole(within)
+    if not whole:  # a movement after a gap may not be the first
+        movements = movements.where(movements.first < trial.release + np.argmin(np.isfinite(within)))
+    directions = movements.direction.tolist()
+    initial = next((k for k, way in enumerate(directions) if way == -trial.side), None)
+    if initial is None:
+        return Strategy(np.nan, np.nan, np.nan, np.nan, len(movements) if whole else np.nan)
     # A braking movement raises the end of the board at the target.
-    brakes = (movements.direction == trial.side) & (np.arange(len(movements)) > initial)
+    later = [k for k in range(initial + 1, len(movements)) if directions[k] == trial.side]
     if braking == "tilt":
-        brakes &= trial.side * theta[movements.stop - 1] > 0
+        later = [k for k in later if trial.side * theta[movements.stop[k] - 1] > 0]
     initial_onset = float(movements.first[initial] - trial.release) / rate
-    if not brakes.any():
+    if not later:
         return Strategy(np.nan, np.nan, np.nan, initial_onset, initial)
-    onset = int(movements.first[np.argmax(brakes)])
+    onset = int(movements.first[later[0]])
     return Strategy(
         distance=trial.side * (trial.target - float(p[onset])),
         velocity=trial.side * float(vp[onset]),

@@ -6,13 +6,14 @@ recording is filtered at once and cut into trials afterwards, so that trials hav
 repositioned between two trials; `placed` lists these jumps, and no filter runs across them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.measures.signals import Breaks, LowPass, derivative, lasting, runs
+from netboard.analysis.measures.signals import Breaks, LowPass, derivative, ticks_of
+from netboard.base.compiled import kernel
 
 SpeedOrder = Literal["absolute_first", "filter_first"]
 Window = Literal["to_completion", "whole"]
@@ -83,7 +84,17 @@ def placements(p: NDArray[np.float64], rate: float, fastest: float = FASTEST) ->
     fastest : float
         Speed between two samples above which the ball was repositioned [m/s].
     """
-    return 1 + np.flatnonzero(np.abs(np.diff(p)) * rate > fastest)
+    return _jumps(np.ascontiguousarray(p, np.float64), rate, fastest)
+
+
+@kernel
+def _jumps(p: NDArray[np.float64], rate: float, fastest: float) -> NDArray[np.int64]:
+    count, found = 0, np.empty(len(p), np.int64)
+    for n in range(1, len(p)):
+        if abs(p[n] - p[n - 1]) * rate > fastest:
+            found[count] = n
+            count += 1
+    return found[:count].copy()
 
 
 def ball_speed(
@@ -252,19 +263,33 @@ def find_completion(
         Radius of the ball [m].
     """
     reach = half_width if inside == "centre" else half_width - radius
-    away = np.abs(p - target)
+    ball, least = np.ascontiguousarray(p, np.float64), ticks_of(hold, rate)
     # A missing sample may lie in or outside the target: only a result common to both cases is known.
-    outside, inside_gaps = _first_hold(away <= reach, hold, rate), _first_hold(~(away > reach), hold, rate)
-    if outside.sample != inside_gaps.sample:
+    sample, entries, gap = _first_hold(ball, target, reach, least, False)
+    if gap and _first_hold(ball, target, reach, least, True)[0] != sample:
         return Completion(np.nan, None, np.nan)
-    return outside if not np.isnan(away[: outside.sample]).any() else replace(outside, entries=np.nan)
+    known = np.nan if gap else entries
+    return Completion(np.nan, None, known) if sample < 0 else Completion(sample / rate, sample, known)
 
 
-def _first_hold(within: NDArray[np.bool_], hold: float, rate: float) -> Completion:
-    """Find the first sufficiently long stay in the target."""
-    entries = runs(within)[:, 0]
-    held = lasting(within, hold, rate)
-    if held.size == 0:
-        return Completion(np.nan, None, len(entries))
-    sample = int(held[0, 0])
-    return Completion(sample / rate, sample, int(np.searchsorted(entries, sample)) + 1)
+@kernel
+def _first_hold(
+    p: NDArray[np.float64], target: float, reach: float, least: int, gaps_inside: bool
+) -> tuple[int, int, bool]:
+    """Find the first sufficiently long stay in the target, of ``least`` intervals as `lasting` defines it.
+
+    Returns its first sample, or -1; the entries up to and including it; and whether a sample before it is missing.
+    """
+    entries, first, gap, before = 0, -1, False, False
+    for n in range(len(p)):
+        away = abs(p[n] - target)
+        missing = np.isnan(away)
+        within = gaps_inside if missing else away <= reach
+        if within and first < 0:
+            entries, first, before = entries + 1, n, gap
+        gap = gap or missing
+        if not within:
+            first = -1
+        elif n - first >= least:
+            return first, entries, before
+    return -1, entries, gap

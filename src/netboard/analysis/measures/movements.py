@@ -11,6 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.measures.signals import paired
+from netboard.base.compiled import inlined, kernel
+
 AtLimit = Literal["moving", "still"]
 Average = Literal["trials", "time"]
 
@@ -29,6 +32,10 @@ class Movement(IntEnum):
     COOPERATIVE = 4
 
 
+# Plain integers, which Numba folds into the kernel below.
+_UNKNOWN, _STILL, _LEFT_ONLY, _RIGHT_ONLY, _COMPETITIVE, _COOPERATIVE = map(int, Movement)
+
+
 def classify(
     left_vz: NDArray[np.float64],
     right_vz: NDArray[np.float64],
@@ -45,22 +52,36 @@ def classify(
     at_limit : {"moving", "still"}
         Class of a stylus whose speed equals `still_below`.
     """
+    left, right = paired(left_vz, right_vz)
+    kinds = np.empty(left.size, np.int8)
+    _classify(np.ascontiguousarray(left), np.ascontiguousarray(right), float(still_below), at_limit == "moving", kinds)
+    return kinds
 
-    def direction(vz: NDArray[np.float64]) -> NDArray[np.float64]:
-        speed = np.abs(vz)
-        moves = speed >= still_below if at_limit == "moving" else speed > still_below
-        return np.where(np.isnan(vz), np.nan, np.sign(vz) * moves)
 
-    left, right = direction(left_vz), direction(right_vz)
-    product = left * right
-    kinds = {  # the first condition that holds decides
-        Movement.UNKNOWN: np.isnan(product),
-        Movement.COOPERATIVE: product < 0,
-        Movement.COMPETITIVE: product > 0,
-        Movement.LEFT_ONLY: left != 0,
-        Movement.RIGHT_ONLY: right != 0,
-    }
-    return np.select(list(kinds.values()), [np.int8(kind) for kind in kinds], np.int8(Movement.STILL))
+@kernel
+def _classify(
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
+    still_below: float,
+    limit_moves: bool,
+    kinds: NDArray[np.int8],
+) -> None:
+    for n in range(len(left)):
+        one, other = _direction(left[n], still_below, limit_moves), _direction(right[n], still_below, limit_moves)
+        if np.isnan(left[n]) or np.isnan(right[n]):
+            kinds[n] = _UNKNOWN
+        elif one * other != 0:
+            kinds[n] = _COOPERATIVE if one * other < 0 else _COMPETITIVE
+        else:
+            kinds[n] = _LEFT_ONLY if one != 0 else _RIGHT_ONLY if other != 0 else _STILL
+
+
+@inlined
+def _direction(vz: float, still_below: float, limit_moves: bool) -> int:
+    """Return in which direction a side moves: -1 or 1, or 0 if it does not [1]."""
+    speed = abs(vz)
+    moves = speed >= still_below if limit_moves else speed > still_below
+    return int(moves) * (int(vz > 0.0) - int(vz < 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +125,7 @@ def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
     classes : ndarray of int8, shape (n,)
         Classes from `classify`, of the analysed samples of one trial [1].
     """
-    counts = np.bincount(classes.astype(np.int64) + 1, minlength=len(Movement)) / rate
+    counts = _counted(np.ascontiguousarray(classes), len(Movement)) / rate
     if counts[0] and not counts[1:].any():
         counts[1:] = np.nan
     time = {kind: float(counts[kind + 1]) for kind in Movement}
@@ -117,6 +138,15 @@ def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
         right_only=time[Movement.RIGHT_ONLY],
         unknown=time[Movement.UNKNOWN],
     )
+
+
+@kernel
+def _counted(classes: NDArray[np.int8], count: int) -> NDArray[np.int64]:
+    """Return the number of samples of each class, of the unknown ones first."""
+    counts = np.zeros(count, np.int64)
+    for kind in classes:
+        counts[kind + 1] += 1
+    return counts
 
 
 def shares(seconds: NDArray[np.float64]) -> NDArray[np.float64]:

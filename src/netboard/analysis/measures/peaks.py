@@ -9,7 +9,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks, peak_prominences
+from scipy.signal import find_peaks
+
+from netboard.analysis.measures.signals import is_whole
+from netboard.base.compiled import kernel
 
 Extrema = Literal["maxima", "maxima_and_minima"]
 Plateau = Literal["first_sample", "midpoint"]
@@ -64,19 +67,55 @@ def velocity_peaks(
     least_share : float
         Minimum prominence as a fraction of the largest speed, because the filter's ringing scales with that [1].
     """
-    least = max(least_prominence, least_share * float(np.max(speed, initial=0.0, where=~np.isnan(speed))))
+    speed = np.ascontiguousarray(speed, np.float64)
+    least = max(least_prominence, least_share * _largest(speed))
     samples = _maxima(speed, plateau, least)
     if extrema == "maxima_and_minima":
         samples = np.sort(np.concatenate([samples, _maxima(-speed, plateau, least)]))
-    return Peaks(samples, speed[samples], not np.isnan(speed).any())
+    return Peaks(samples, speed[samples], is_whole(speed))
 
 
 def _maxima(speed: NDArray[np.float64], plateau: Plateau, least_prominence: float) -> NDArray[np.int64]:
     """Find the maxima with sufficient prominence."""
-    if plateau == "midpoint":
-        samples = find_peaks(speed)[0]
-    else:
-        samples = 1 + np.flatnonzero((speed[:-2] < speed[1:-1]) & (speed[1:-1] >= speed[2:]))
-    if least_prominence > 0 and samples.size:
-        samples = samples[peak_prominences(speed, samples)[0] >= least_prominence]
-    return np.asarray(samples, np.int64)
+    samples = find_peaks(speed)[0].astype(np.int64) if plateau == "midpoint" else _first_samples(speed)
+    return _prominent(speed, samples, least_prominence) if least_prominence > 0 else samples
+
+
+@kernel
+def _largest(speed: NDArray[np.float64]) -> float:
+    """Return the largest speed, 0 without any; missing samples do not count [m/s]."""
+    largest = 0.0
+    for value in speed:
+        largest = max(largest, value)
+    return largest
+
+
+@kernel
+def _first_samples(speed: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the first sample of each maximum."""
+    count, found = 0, np.empty(len(speed), np.int64)
+    for n in range(1, len(speed) - 1):
+        if speed[n - 1] < speed[n] and speed[n] >= speed[n + 1]:
+            found[count] = n
+            count += 1
+    return found[:count].copy()
+
+
+@kernel
+def _prominent(speed: NDArray[np.float64], samples: NDArray[np.int64], least: float) -> NDArray[np.int64]:
+    """Return the maxima whose prominence, as in `scipy.signal.peak_prominences`, is large enough."""
+    count, found = 0, np.empty(len(samples), np.int64)
+    for sample in samples:
+        top = speed[sample]
+        before, n = top, sample
+        while n >= 0 and speed[n] <= top:
+            before = min(before, speed[n])
+            n -= 1
+        after, n = top, sample
+        while n < len(speed) and speed[n] <= top:
+            after = min(after, speed[n])
+            n += 1
+        if top - max(before, after) >= least:
+            found[count] = sample
+            count += 1
+    return found[:count].copy()

@@ -3,7 +3,7 @@
 Segments are found in a whole recording, so that the limits of a trial cut none. A trial owns those that begin in it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -66,8 +66,9 @@ class Segments:
 
     def of_trial(self, trial: Trial) -> "Segments":
         """Return the movements that begin in a trial."""
-        begun = self.where((self.first >= trial.release) & (self.first < trial.stop))
-        return replace(begun, cut=begun.cut | (begun.stop > trial.stop))
+        own = slice(*np.searchsorted(self.first, (trial.release, trial.stop)).tolist())
+        stop = self.stop[own]
+        return Segments(self.first[own], stop, self.angle[own], self.cut[own] | (stop > trial.stop))
 
 
 def _angles(

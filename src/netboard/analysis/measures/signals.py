@@ -164,10 +164,23 @@ def _bounds_of(values: NDArray[np.float64], breaks: Breaks) -> NDArray[np.int64]
     """Return first sample and stop of each piece of a signal between gaps and breaks, shape (k, 2) [1]."""
     inner = np.unique(np.asarray(breaks, np.int64))
     inner = inner[(inner > 0) & (inner < values.size)]
-    if values.size and np.isfinite(values).all():
+    if values.size and is_whole(values):
         edges = np.concatenate([[0], inner, [values.size]])
         return np.stack([edges[:-1], edges[1:]], axis=1)
     return _bounds(np.asarray(values, np.float64), inner)
+
+
+def is_whole(values: NDArray[np.float64]) -> bool:
+    """Return whether a signal has no missing sample, none that is not finite [1]."""
+    return bool(_is_whole(np.ascontiguousarray(values, np.float64)))
+
+
+@kernel
+def _is_whole(values: NDArray[np.float64]) -> bool:
+    missing = 0
+    for n in range(len(values)):
+        missing += not np.isfinite(values[n])
+    return missing == 0
 
 
 @kernel
@@ -251,17 +264,16 @@ def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArra
 
 
 def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> NDArray[np.float64]:
-    """Fill short gaps by linear interpolation, shape (n,) [as given].
+    """Fill short gaps by linear interpolation, shape (n,); a signal without any is returned as it is [as given].
 
     Parameters
     ----------
     longest : float
         Longest gap to fill: its missing samples times their spacing. Gaps at the ends remain [s].
     """
-    missing = ~np.isfinite(values)
-    filled = np.array(values, np.float64)
-    if missing.all() or not missing.any():
-        return filled
+    if is_whole(values):
+        return np.asarray(values, np.float64)
+    missing, filled = ~np.isfinite(values), np.array(values, np.float64)
     places = np.arange(values.size)
     for first, stop in runs(missing):
         if first > 0 and stop < values.size and stop - first <= longest * rate * (1 + 1e-9):

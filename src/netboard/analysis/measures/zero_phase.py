@@ -3,18 +3,20 @@
 A recursive filter waits for its own last output, so a processor filters four signals in the time of one. The pieces of
 all signals are laid one after the other onto the four lanes of a vector register, and each pass runs along the lanes.
 At the first sample of a piece the lane's state is set to the steady state of that sample, so pieces do not see each
-other.
+other. Between two of these samples, the states of all sections stay in registers.
 
 Every lane computes what `scipy.signal.sosfiltfilt` computes, to the bit: which signals are filtered together has no
 influence on any of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import composed, inlined, kernel
 from netboard.physics.arithmetic.simd import gathered, lane, lanes_at, put
 
 Array = NDArray[np.float64]
@@ -51,8 +53,9 @@ def zero_phase(
     for piece, place in zip(pieces, places, strict=True):
         _lay(tape, place, piece, PADDINGS.index(padding))
     state = np.zeros(len(sections) * 2 * LANES)
-    _pass(tape, sections, steady, state, _turns(places, backward=False), 1)
-    _pass(tape, sections, steady, state, _turns(places, backward=True), -1)
+    run = _pass_of(len(sections))
+    run(tape, sections, steady, state, _turns(places, backward=False), 1)
+    run(tape, sections, steady, state, _turns(places, backward=True), -1)
     return [tape[lane, first + pad : first + pad + size] for lane, first, pad, size in places.tolist()]
 
 
@@ -93,7 +96,23 @@ def _lay(tape: Array, place: NDArray[np.int64], piece: Array, padding: int) -> N
     lane[first + pad : first + pad + size] = piece
 
 
-@kernel
+@inlined
+def _load(state: Array, sections: Array) -> tuple[Any, ...]:
+    """Return the state of no section."""
+    return ()
+
+
+@inlined
+def _store(state: Array, loaded: tuple[Any, ...]) -> None:
+    """Store the state of no section."""
+
+
+@inlined
+def _cascade(x: Any, loaded: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Filter a sample of all lanes by no section."""
+    return x, ()
+
+
 def _pass(tape: Array, sections: Array, steady: Array, state: Array, turns: NDArray[np.int64], step: int) -> None:
     """Filter all lanes in place, in the direction of `step`, which is 1 or -1."""
     height = tape.shape[1]
@@ -106,9 +125,52 @@ def _pass(tape: Array, sections: Array, steady: Array, state: Array, turns: NDAr
             turn += 1
         # A turn at the very end of the tape lies at no sample of it.
         until = turns[turn, 0] if turn < len(turns) and turns[turn, 0] < height else stop
+        loaded = _load(state, sections)
         while n != until:
-            _advance(tape, sections, state, n)
+            x, loaded = _cascade(_sample(tape, n), loaded)
+            _put_sample(tape, n, x)
             n += step
+        _store(state, loaded)
+
+
+@cache
+def _pass_of(count: int) -> Callable[..., None]:
+    """Compile the pass of a filter with some sections."""
+    return composed(_pass, **dict(zip(("_load", "_store", "_cascade"), _sections_from(0, count), strict=True)))
+
+
+def _sections_from(SECTION: int, COUNT: int) -> tuple[Callable[..., Any], ...]:
+    """Return kernels that load and store the states of the sections from one on, and that filter a sample by them.
+
+    A section is direct form II, transposed. What is loaded: its state and coefficients, and those of all further ones.
+    """
+    if SECTION == COUNT:
+        return _load, _store, _cascade
+    load_others, store_others, filter_others = _sections_from(SECTION + 1, COUNT)
+    FIRST, SECOND = 2 * SECTION * LANES, (2 * SECTION + 1) * LANES
+
+    @inlined
+    def load(state: Array, sections: Array) -> tuple[Any, ...]:
+        of = sections[SECTION]
+        kept = lanes_at(state, FIRST, LANES), lanes_at(state, SECOND, LANES)
+        return kept, (of[0], of[1], of[2], of[4], of[5]), load_others(state, sections)
+
+    @inlined
+    def store(state: Array, loaded: tuple[Any, ...]) -> None:
+        kept, _, others = loaded
+        put(state, FIRST, kept[0])
+        put(state, SECOND, kept[1])
+        store_others(state, others)
+
+    @inlined
+    def cascade(x: Any, loaded: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+        (first, second), (b0, b1, b2, a1, a2), others = loaded
+        y = b0 * x + first
+        kept = b1 * x - a1 * y + second, b2 * x - a2 * y
+        passed, others = filter_others(y, others)
+        return passed, (kept, (b0, b1, b2, a1, a2), others)
+
+    return load, store, cascade
 
 
 @inlined
@@ -120,17 +182,12 @@ def _enter(tape: Array, steady: Array, state: Array, n: int, lane: int) -> None:
 
 
 @inlined
-def _advance(tape: Array, sections: Array, state: Array, n: int) -> None:
-    """Filter a sample of all lanes (direct form II, transposed).
+def _sample(tape: Array, n: int) -> Any:
+    """Return a sample of all lanes."""
+    return gathered((tape[0, n], tape[1, n], tape[2, n], tape[3, n]), LANES)
 
-    Each value passes all sections before the next one, so that the processor can overlap the sections.
-    """
-    x = gathered((tape[0, n], tape[1, n], tape[2, n], tape[3, n]), LANES)
-    for s in range(len(sections)):
-        b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
-        first, second = lanes_at(state, 2 * s * LANES, LANES), lanes_at(state, (2 * s + 1) * LANES, LANES)
-        y = b0 * x + first
-        put(state, 2 * s * LANES, b1 * x - a1 * y + second)
-        put(state, (2 * s + 1) * LANES, b2 * x - a2 * y)
-        x = y
+
+@inlined
+def _put_sample(tape: Array, n: int, x: Any) -> None:
+    """Store a sample of all lanes."""
     tape[0, n], tape[1, n], tape[2, n], tape[3, n] = lane(x, 0), lane(x, 1), lane(x, 2), lane(x, 3)
