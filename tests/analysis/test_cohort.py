@@ -96,8 +96,8 @@ def test_dyad_levels_equal_those_of_analysed_recordings(cohort: Cohort, analysed
 
 @pytest.mark.slow
 def test_responses_to_pushes_equal_those_of_analysed_recordings(tmp_path: Path) -> None:
-    push = "perturbation = { at = 'ball', force = 0.03, time = 0.3 }\nkinds.dyadic.perturbed = 3\n"
-    plan = PLAN.replace("trials = 2", "trials = 8").replace("[orders]", f"{push}[orders]")
+    push = "perturbation = { at = 'ball', force = 0.03, time = 0.3 }\n"
+    plan = PLAN.replace("trials = 2", "trials = 8").replace("[orders]", f"{push}[orders]") + "perturbed = 3\n"
     design = replace(DESIGN, study=parse_study(plan, "pushed"), dyads=1)
     table = pd.DataFrame(unpack(simulate(design, 1)).tables["pushes"])
     parts = pushes(recorded(design, tmp_path)).parts

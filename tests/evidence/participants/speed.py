@@ -47,7 +47,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Time rehearsals, and the virtual studies of a cohort."""
     trials, rounds = (QUICK_TRIALS, QUICK_ROUNDS) if quick else (PAPER_TRIALS, ROUNDS)
     yield speed_part(trials, rounds, tell)
-    yield from cohort_parts(trials, rounds, tell)
+    yield cohort_part(trials, rounds, tell)
 
 
 def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
@@ -85,8 +85,8 @@ def speed_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
     return part
 
 
-def cohort_parts(trials: int, rounds: int, tell: Tell) -> Iterator[ResultPart]:
-    """Time the steps of a virtual study, on one of its sessions, beside the stage alone, and divide the whole time."""
+def cohort_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
+    """Time the steps of a virtual study, on one of its sessions, beside the stage alone."""
     jobs = Population(trials=trials).jobs(1)
     found = [rehearse(job) for job in jobs]
     ticks = sum(one.ticks for one in found)
@@ -115,26 +115,14 @@ def cohort_parts(trials: int, rounds: int, tell: Tell) -> Iterator[ResultPart]:
     part = ResultPart(
         "cohort",
         f"Processor time of a virtual study: one session, {trials} trials in a block, {rounds} rounds in turn",
-        f"what | ticks | a tick, median [ns] | fastest [ns] | / stage alone | {_hours()}",
+        f"what | ticks | a tick, median [ns] | fastest [ns] | / stage alone | {STUDIES} studies, {cores()} cores [h]",
     )
     for name, times in taken.items():
         part.add(name, steps[name][1], *_costs(times, taken[_ALONE], ticks))
-    yield part
-    alone, simulation, _, measuring, whole = map(np.array, taken.values())
-    shares = {"simulation": simulation, "measuring": measuring - simulation, "tables": whole - measuring}
-    part = ResultPart(
-        "cohort-hours",
-        f"{STUDIES} virtual studies of {DYADS} dyads on all cores, from the processor time of one session",
-        f"what | a tick, median [ns] | fastest [ns] | / stage alone | {_hours()}",
-    )
-    for name, times in {**shares, "all": whole}.items():
-        part.add(name, *_costs(times, alone, ticks))
-    yield part
-
-
-def _hours() -> str:
-    """Return the name of the column with the hours of all studies."""
-    return f"{STUDIES} studies, {cores()} cores [h]"
+    _, simulation, _, measuring, whole = map(np.array, taken.values())
+    for name, times in {"of these: measuring": measuring - simulation, "of these: tables": whole - measuring}.items():
+        part.add(name, ticks, *_costs(times, taken[_ALONE], ticks))
+    return part
 
 
 def _costs(times: Sequence[float], alone: Sequence[float], ticks: int) -> tuple[float, float, float, float]:
