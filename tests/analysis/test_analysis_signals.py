@@ -13,6 +13,7 @@ from netboard.analysis.measures.signals import (
     by_number,
     derivative,
     evenly,
+    is_whole,
     lasting,
     lasts,
     resample,
@@ -231,6 +232,20 @@ def test_by_number_fills_missing_samples_with_nan() -> None:
     assert by_number(np.empty(0, np.int64), np.empty(0)).size == 0
     with pytest.raises(ValueError, match="increase"):
         by_number(np.array([1, 1]), np.zeros(2))
+
+
+@pytest.mark.evidence("disturbance", is_whole, of="holes")
+@pytest.mark.evidence("properties", is_whole, of=("time", "unit"))
+@pytest.mark.evidence("truth", is_whole)
+@pytest.mark.parametrize("lost", [np.nan, np.inf, -np.inf])
+@given(st.integers(1, 70), st.data())
+def test_signal_is_whole_unless_a_sample_is_missing(lost: float, n: int, data: st.DataObject) -> None:
+    x = np.arange(n) - 3.0
+    holed = x.copy()
+    holed[data.draw(st.integers(0, n - 1))] = lost
+    for one, expected in ((x, True), (holed, False)):
+        assert [is_whole(each) for each in (one, 1e3 * one, one[::-1])] == [expected] * 3
+    assert is_whole(np.empty(0))
 
 
 @pytest.mark.evidence("disturbance", bridge, of="holes")
