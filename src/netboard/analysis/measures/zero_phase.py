@@ -108,7 +108,7 @@ def _store(state: Array, loaded: tuple[Any, ...]) -> None:
 
 
 @inlined
-def _cascade(x: Any, loaded: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+def _cascade(x: Array, loaded: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
     """Filter a sample of all lanes by no section."""
     return x, ()
 
@@ -163,7 +163,7 @@ def _sections_from(SECTION: int, COUNT: int) -> tuple[Callable[..., Any], ...]:
         store_others(state, others)
 
     @inlined
-    def cascade(x: Any, loaded: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    def cascade(x: Array, loaded: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
         (first, second), (b0, b1, b2, a1, a2), others = loaded
         y = b0 * x + first
         kept = b1 * x - a1 * y + second, b2 * x - a2 * y
@@ -188,6 +188,6 @@ def _sample(tape: Array, n: int) -> Any:
 
 
 @inlined
-def _put_sample(tape: Array, n: int, x: Any) -> None:
+def _put_sample(tape: Array, n: int, x: Array) -> None:
     """Store a sample of all lanes."""
     tape[0, n], tape[1, n], tape[2, n], tape[3, n] = lane(x, 0), lane(x, 1), lane(x, 2), lane(x, 3)
