@@ -136,6 +136,17 @@ def uncompiled(config: Config, side: Side) -> Policy:
     return Uncompiled()
 
 
+class Plain(Failing):
+    """A partner whose kernel is not compiled."""
+
+    decide = staticmethod(lambda state, k, observation, actions: None)
+
+
+def plain(config: Config, side: Side) -> Policy:
+    """Make the partner whose kernel is not compiled."""
+    return Plain()
+
+
 class SeesTruth(Failing):
     """A partner that sees what no agent knows."""
 
@@ -149,7 +160,7 @@ def sees_truth(config: Config, side: Side) -> Policy:
 
 @pytest.fixture
 def _partners(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    for made in (failing, strong, slow, raising, uncompiled, sees_truth):
+    for made in (failing, strong, slow, raising, uncompiled, plain, sees_truth):
         monkeypatch.setitem(POLICIES, made.__name__, f"{__name__}:{made.__name__}")
     return
 
@@ -219,6 +230,12 @@ def test_rehearsal_names_a_partner_that_fails(name: str, why: str) -> None:
     rehearsal = Rehearsal(config, {"A": config.participant, "B": config.participant})
     with pytest.raises(NetboardError, match=f"the robot partner '{name}' has failed: {why}"):
         list(rehearsal.pieces())
+
+
+@pytest.mark.usefixtures("_partners")
+def test_partner_whose_kernel_is_plain_python_is_refused() -> None:
+    with pytest.raises(ConfigError, match="'plain' has a kernel `decide` in plain Python, expected one"):
+        RobotPartner("left", configured("plain"))
 
 
 def test_unknown_partner_is_refused() -> None:

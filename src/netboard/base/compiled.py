@@ -134,6 +134,11 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, **INLINED)
 
 
+def is_kernel(function: Callable[..., object]) -> bool:
+    """Return whether a function is compiled; all are taken for that if the compiler is switched off."""
+    return hasattr(function, "py_func") or bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
+
+
 def fast(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function as `kernel` does, with fused multiply-adds; never for code that must verify to the bit.
 

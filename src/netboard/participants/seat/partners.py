@@ -7,6 +7,7 @@ A partner is imported only when it is used. Other packages register partners in 
 from collections.abc import Iterable
 
 from netboard.base import plugins
+from netboard.base.compiled import is_kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import PERSON, STILL
@@ -60,5 +61,10 @@ def make_partner(name: str, config: Config, side: Side) -> Policy:
     if not isinstance(policy, Policy):
         raise ConfigError(
             f"the robot partner {name!r} makes {policy!r}, expected a netboard.participants.policy.Policy"
+        )
+    if not is_kernel(policy.decide):
+        raise ConfigError(
+            f"the robot partner {name!r} has a kernel `decide` in plain Python, expected one that is compiled: one "
+            "decorated with netboard.base.compiled.inlined"
         )
     return policy
