@@ -62,6 +62,8 @@ def test_order_follows_from_the_tolerance() -> None:
     orders = [order_for(10.0**-i) for i in range(17)]
     assert orders == sorted(orders)
     assert orders[0] == 5
+    assert orders[9] == 8  # those that are written out
+    assert orders[10] == 13
     assert orders[16] == 20  # Jorba and Zou
     assert order_for(1e-300) == MAX_ORDER
 

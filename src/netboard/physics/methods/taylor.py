@@ -43,6 +43,9 @@ DEGREE = 3
 LOWEST_ORDER = DEGREE + 2
 """Lowest order of a step: the second at which the highest coefficient of a drive has an effect [1]."""
 
+WRITTEN_ORDERS, COARSE = 8, 1e-9
+"""Orders that `make_series` writes out, and the tolerance down to which they suffice [1]."""
+
 SLOWEST = 0.01
 """A tolerance is relative to the largest speed at the start of a step, or to this speed if that is lower [m/s]."""
 
@@ -70,8 +73,12 @@ _LOCATING = 100
 
 
 def order_for(tolerance: float) -> int:
-    """Return the highest order of a series for a tolerance: by Jorba and Zou -ln(tolerance) / 2 + 1 [1]."""
-    return min(max(math.ceil(-0.5 * math.log(tolerance) + 1.0), LOWEST_ORDER), MAX_ORDER)
+    """Return the highest order of a series for a tolerance: by Jorba and Zou -ln(tolerance) / 2 + 1 [1].
+
+    Coarse tolerances take no order above `WRITTEN_ORDERS`: the coupling limits their steps, and such orders cost more.
+    """
+    highest = WRITTEN_ORDERS if tolerance >= COARSE else MAX_ORDER
+    return min(max(math.ceil(-0.5 * math.log(tolerance) + 1.0), LOWEST_ORDER), highest)
 
 
 _evaluated = written(
