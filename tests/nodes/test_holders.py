@@ -94,6 +94,23 @@ def test_block_of_another_partner_does_not_end_the_agent(config: Config, chosen:
     assert '"initiative": 0.2' in holder.identity["policy_parameters"]
 
 
+def test_block_of_the_same_partner_with_a_file_that_is_missing_here_does_not_end_the_agent(
+    config: Config, chosen: Callable[..., Holder | None], caplog: pytest.LogCaptureFixture
+) -> None:
+    holder = chosen("learned", weights="learned")
+    assert holder is not None
+    source, identity = holder.source, dict(holder.identity)
+    assert isinstance(source, PartnerSource)
+    assert chosen("learned", weights="none.json") is None
+    assert "the robot partner of the block cannot be seated: " in caplog.text
+    partners = replace(config.partners, right={"weights": "none.json"})
+    source.begin(resolve(replace(config, block=replace(config.block, right="learned"), partners=partners)))
+    assert source._coming is not None
+    source._coming.exception(TIMEOUT)
+    source.step(0, haptics=True)
+    assert holder.identity == identity
+
+
 def test_partner_of_a_file_that_has_changed_is_another_one(
     chosen: Callable[..., Holder | None], tmp_path: Path
 ) -> None:

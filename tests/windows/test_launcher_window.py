@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from errno import ESTALE
 from pathlib import Path
 from threading import current_thread
 
@@ -126,13 +127,42 @@ def test_recordings_of_the_session_are_looked_up_beside_the_window(
     Path("recordings").mkdir()
     Path("recordings/before.mcap").write_bytes(b"12345")
     monkeypatch.setattr("netboard.windows.launcher.session_files.LOOK_S", 0.0)
+    monkeypatch.setattr(Path, "glob", noted)
     control.start()
     until(control, lambda: control.stage is LaunchStage.RUNNING)
-    monkeypatch.setattr(Path, "glob", noted)
+    until(control, control._files._before.done)
     Path("recordings/session.mcap.part").write_bytes(b"123")
     until(control, lambda: control.facts().on_disk)
     assert control.facts().on_disk == 3
+    assert looking
     assert "MainThread" not in looking
+    control.end_all()
+
+
+@pytest.mark.parametrize(("first", "size"), [(0, 0), (1, 3)])
+def test_disk_error_keeps_the_launcher_neither_from_starting_nor_from_stopping(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch, first: int, size: int
+) -> None:
+    looks: list[Path] = []
+    listed: list[Path] = []
+
+    def failing(folder: Path) -> list[Path]:
+        looks.append(folder)
+        if first < len(looks) <= first + 2:
+            raise OSError(ESTALE, os.strerror(ESTALE))
+        return listed
+
+    monkeypatch.setattr("netboard.windows.launcher.session_files._recordings", failing)
+    monkeypatch.setattr("netboard.windows.launcher.session_files.LOOK_S", 0.0)
+    control.start()
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    begun = control._files._due
+    until(control, lambda: looks)
+    Path("session.mcap.part").write_bytes(b"123")
+    listed.append(Path("session.mcap.part"))
+    control.emergency_stop()
+    until(control, lambda: control.facts().on_disk == size and control._files._due > begun)
+    assert control._stop_ns
     control.end_all()
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side, parse
-from netboard.base.errors import ConfigError, WireError
+from netboard.base.errors import ConfigError, NetboardError, WireError
 from netboard.base.process.realtime import beside_loop
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.devices.contract.device import Device
@@ -276,11 +276,17 @@ class PartnerSource:
         return self._scales[(trial - 1) % len(self._scales)]
 
     def _prepare(self, text: str) -> tuple[Config, Policy, NDArray[Any]] | None:
-        """Return the partner for a block; None if another one is to hold the stylus, with parameters of its own."""
+        """Return the partner for a block; None if another one is to hold the stylus, or it cannot be made here."""
         config = block_of(self._config, text)
-        if getattr(config.block, self._device.side) not in (PERSON, STILL, self._device.partner):
+        mover = getattr(config.block, self._device.side)
+        if mover not in (PERSON, STILL, self._device.partner):
             return None
-        return config, *self._device.prepared(config)
+        try:
+            return config, *self._device.prepared(config)
+        except NetboardError:
+            if mover != self._device.partner:
+                raise
+            return None  # the block's holder says why, and the server waits
 
 
 class PlayerSource:

@@ -364,7 +364,7 @@ class LauncherControl:
     def _after_preparation(self) -> None:
         """Start the session when its preparation has succeeded."""
         status = self.processes[PREPARATION]
-        if status.phase == "running":
+        if status.phase in ("running", "stopping"):
             return
         if status.code != 0:
             self.stage = LaunchStage.IDLE

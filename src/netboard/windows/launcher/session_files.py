@@ -18,19 +18,21 @@ class SessionFiles:
         self._clock = clock
         self._due = 0.0
         self._folder: Path | None = None
-        self._before: frozenset[str] = frozenset()
+        self._before: Future[frozenset[str]] = Future()
         self._reader = ThreadPoolExecutor(1, "recordings")
         self._coming: Future[int] | None = None
 
     def begin(self, folder: Path) -> None:
         """Begin a session, whose recordings go to a folder."""
         self.size, self._coming, self._folder = 0, None, folder
-        self._before = frozenset(path.name for path in _recordings(folder))
+        self._before = self._reader.submit(_names, folder)
 
     def poll(self) -> None:
-        """Take the result of a look, and have the next one done when it is due."""
+        """Take the result of a look, and have the next one done when it is due; after a disk error the size stays."""
         if self._coming is not None and self._coming.done():
-            self.size, self._coming = self._coming.result(), None
+            coming, self._coming = self._coming, None
+            with suppress(OSError):
+                self.size = coming.result()
         if self._folder is not None and self._coming is None and self._clock() >= self._due:
             self._due = self._clock() + LOOK_S
             self._coming = self._reader.submit(_size, self._folder, self._before)
@@ -44,10 +46,14 @@ def _recordings(folder: Path) -> list[Path]:
     return list(folder.glob("*.mcap*"))
 
 
-def _size(folder: Path, before: frozenset[str]) -> int:
+def _names(folder: Path) -> frozenset[str]:
+    return frozenset(path.name for path in _recordings(folder))
+
+
+def _size(folder: Path, before: Future[frozenset[str]]) -> int:
     """Return the size of the recordings in a folder, without those that were there before [bytes]."""
-    size = 0
+    size, earlier = 0, before.result()  # the same thread has listed them
     for path in _recordings(folder):
         with suppress(FileNotFoundError):  # it was finished just now, and has another name
-            size += 0 if path.name in before else path.stat().st_size
+            size += 0 if path.name in earlier else path.stat().st_size
     return size
