@@ -27,7 +27,7 @@ from netboard.nodes.server.answers import SessionAnswers
 from netboard.nodes.server.event_log import line_of
 from netboard.nodes.server.questionnaires import Questionnaires
 from netboard.participants.seat.partners import POLICIES
-from netboard.stage.blinding import ANOTHER_HOLDER, for_display, for_operator, shown_details
+from netboard.stage.blinding import ABOUT_FORMS, ANOTHER_HOLDER, for_display, for_operator, shown_details
 from netboard.task.trials.state_machine import Phase
 
 KINDS = (PERSON, STILL, *POLICIES)
@@ -286,3 +286,17 @@ def test_block_waits_for_the_partner_of_the_study_not_only_for_its_name(tmp_path
         _join(session, partner_device("learned", config))
         assert not [words for words in session.state.find_missing() if "right agent" in words]
         session.close()
+
+
+@pytest.mark.parametrize("name", ABOUT_FORMS)
+def test_events_about_forms_have_no_line_in_a_session_with_a_blinded_block(
+    name: str, caplog: pytest.LogCaptureFixture, stepped: SteppedSession
+) -> None:
+    """They may be about an earlier block than the present one, which is not blinded."""
+    events = stepped.state.event_log
+    caplog.set_level(logging.INFO)
+    for hidden in (False, True):
+        caplog.clear()
+        events.any_blinded = hidden
+        events.note(1, name, {"station": "left", "block": "1"})
+        assert (f"{name} station=left" in caplog.text) is not hidden

@@ -101,6 +101,12 @@ def test_unfinished_form_of_a_second_display_does_not_follow_answers() -> None:
     with pytest.raises(WireError, match="the left display has an unfinished form of block 1, which has answers"):
         forms.take(QuestionnaireAnswers("left", 1, {}, 3.0, False))
     forms.take(QuestionnaireAnswers("right", 1, {}, 3.0, False))
+    forms.take(QuestionnaireAnswers("right", 1, {"person.opinion": "a person"}, 3.0, False))
+    with pytest.raises(WireError, match="which has answers"):
+        forms.take(QuestionnaireAnswers("right", 1, {}, 3.0, False))
+    more = forms.take(QuestionnaireAnswers("right", 1, GIVEN, 3.0, False))
+    assert more["person.confidence"] == "80", "the display was restarted, and its participant has answered more"
+    assert forms.unsent == {"right"}, "it may still hold an open form"
     assert forms.take(QuestionnaireAnswers("right", 1, GIVEN, 3.0, True))["complete"] == "true"
     assert forms.take(QuestionnaireAnswers("left", 1, GIVEN, 3.0, True)), "a participant may answer again"
 
@@ -185,7 +191,7 @@ def test_resumed_session_names_the_answers_that_a_lost_server_waited_for(
     run.state.ports.log.close()
     said: list[str] = []
     _, attempts = run.planned.resume(lambda words: not said.append(words))
-    assert "the answers of right to the questionnaires of block 1 are lost" in said[0]
+    assert "answers to the questionnaires of block 1 are lost" in said[0]
     lost = [{"station": "right", "block": "1", "reason": "the server had ended"}]
     assert list(attempts.lost_answers()) == lost
     attempts.close()

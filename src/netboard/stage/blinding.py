@@ -17,7 +17,10 @@ from netboard.base.tables.questionnaires import ANSWERS, UNANSWERED
 ANOTHER_HOLDER = "the block has another holder of the stylus"
 """Reason with which an agent leaves a session for a moment, to return with the device of the block's partner."""
 
-_UNSHOWN = (ANSWERS, UNANSWERED, "robot_joined", "delay_limit", "stand_in_confirmed")
+ABOUT_FORMS = (ANSWERS, UNANSWERED, "answers_refused")
+"""Events that may be about an earlier block: they have no log line in a session that has a blinded block."""
+
+_UNSHOWN = (*ABOUT_FORMS, "robot_joined", "delay_limit", "stand_in_confirmed")
 """Events without a log line in a blinded block: whether there is one, or its numbers, depend on the partner."""
 
 _KEPT = {

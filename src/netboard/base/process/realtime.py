@@ -26,9 +26,9 @@ class Priority(IntEnum):
     """SCHED_FIFO priorities of netboard's loops; no others are in use.
 
     The server precedes the agents, because both wait for it. ZeroMQ's threads precede their loop by `IO_PRIORITY_STEP`,
-    so that messages leave at once and not after the rest of the tick, even on a shared core. A trigger box's process
-    has little work and follows the agents. Logger, displays and all others have normal scheduling. Interrupt threads
-    of a PREEMPT_RT kernel have 50.
+    so that messages leave at once and not after the rest of the tick, even on a shared core; so does the watch of a
+    robot partner. A trigger box's process has little work and follows the agents. Logger, displays and all others have
+    normal scheduling. Interrupt threads of a PREEMPT_RT kernel have 50.
     """
 
     TRIGGER = 45
@@ -71,6 +71,12 @@ def beside_loop() -> None:
     """
     if PRIORITY in _granted:
         scheduling.set_priority(_granted[PRIORITY], beside=True)
+
+
+def above_loop() -> None:
+    """Set up a thread that must run although the loop of the process hangs, at a priority above it."""
+    if PRIORITY in _granted:
+        scheduling.set_priority(_granted[PRIORITY] + IO_PRIORITY_STEP)
 
 
 def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:

@@ -1,17 +1,21 @@
 """Watches a robot partner, whose code is a lab's own: one that is too slow lets go, one that hangs ends its agent.
 
-The loop of the agent cannot do that: it waits for the decision. A thread looks every 50 ms whether the partner is
-deciding. A decision takes microseconds of each millisecond, so a partner that is found deciding at most looks needs
-more time than it has. Looks are counted, not time, so an agent that was stopped for a while finds nothing.
+The loop of the agent cannot do that: it waits for the decision. A thread, of a higher priority, looks every 50 ms
+whether the partner is deciding. A decision takes microseconds of each millisecond, so a partner that is found deciding
+at most looks needs more time than it has. Looks are counted, not time, so an agent that was stopped for a while finds
+nothing.
 """
 
 import logging
 import os
 import time
 from collections import deque
+from contextlib import suppress
 from threading import Thread
 from typing import Protocol, final
 from weakref import ref
+
+from netboard.base.process.realtime import above_loop
 
 log = logging.getLogger(__name__)
 
@@ -68,6 +72,8 @@ def watch(device: WatchedPartner) -> None:
 
 
 def _watch(watched: "ref[WatchedPartner]") -> None:
+    with suppress(OSError):  # the loop may be real-time while this thread may not
+        above_loop()
     looks = Looks()
     while (device := watched()) is not None:
         looks.add(device.decision)

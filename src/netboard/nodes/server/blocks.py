@@ -75,6 +75,11 @@ class BlockSequence:
         """Whether the current block is the last one."""
         return self._place + 1 == len(self._blocks)
 
+    @property
+    def any_blinded(self) -> bool:
+        """Whether any block of the session is blinded."""
+        return any(block.config.block.blinded for block in self._blocks)
+
     def ahead(self, count: int) -> list[Config]:
         """Return the configurations of the next blocks, at most `count`."""
         return [block.config for block in self._blocks[self._place + 1 : self._place + 1 + count]]

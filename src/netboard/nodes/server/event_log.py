@@ -18,7 +18,7 @@ from netboard.network.protocol.records import AGENT_JOINED, ClockRecord, EventRe
 from netboard.network.protocol.triggers import TRIGGER
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.server.attempts import Attempts
-from netboard.stage.blinding import shown_details
+from netboard.stage.blinding import ABOUT_FORMS, shown_details
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import Cause
 
@@ -35,7 +35,9 @@ class EventLog:
     """Numbers the events of a session and appends them to the log."""
 
     def __init__(self, port: LogPort) -> None:
-        self.opened = self.blinded = False  # blinded: log lines must not say which partner is at a seat
+        self.opened = False
+        self.blinded = False  # whether log lines must not say which partner is at a seat, in the present block
+        self.any_blinded = False  # and whether that is so in a block of the session
         self.probes = 0
         self._port = port
         self._events = 0
@@ -69,7 +71,8 @@ class EventLog:
             self._agents[side] = agent
             if self.blinded and again:  # it is there again, with the device of another partner
                 return None
-        return shown_details(name, details) if self.blinded else details
+        hidden = self.blinded or (self.any_blinded and name in ABOUT_FORMS)
+        return shown_details(name, details) if hidden else details
 
     def _count_stall(self, milliseconds: int) -> None:
         """Count a stall; log the first of a series, then the sum at the second, fourth, eighth and so on."""

@@ -24,7 +24,9 @@ class Questionnaires:
         self._asked: dict[int, Config] = {}  # the blocks whose form was asked
         self._waiting: dict[Side, int] = {}  # the block that each station has still to answer
         self.unsent: set[Side] = set()  # stations whose display may hold an open form
-        self._given: set[tuple[int, Side]] = set()  # blocks and stations with answers
+        # Blocks and stations with answers, and with a finished form.
+        self._given: set[tuple[int, Side]] = set()
+        self._finished: set[tuple[int, Side]] = set()
         self._until_ns = 0
 
     def ask(self, config: Config) -> None:
@@ -35,14 +37,15 @@ class Questionnaires:
         away = make_curtain(config).away
         self._waiting = {side: config.block.number for side in SIDES if side not in away}
         self.unsent = set(self._waiting)
-        self._given -= {(block, side) for side, block in self._waiting.items()}
+        again = {(block, side) for side, block in self._waiting.items()}
+        self._given, self._finished = self._given - again, self._finished - again
         self._until_ns = now_ns() + round(config.form.wait * 1e9)
 
     def take(self, answers: QuestionnaireAnswers) -> dict[str, str]:
         """Return answers as event details; raise WireError if they do not belong to a form, or must not replace others.
 
-        A station may have two displays, or one that was restarted: of their forms, what is unfinished does not follow
-        what has answers.
+        A station may have two displays, or one that was restarted: an unfinished form does not follow a finished one,
+        nor one without answers one that has some.
         """
         station: Side = "left" if answers.station == "left" else "right"
         config = self._asked.get(answers.block)
@@ -51,15 +54,17 @@ class Questionnaires:
         questions = questions_of(config.form)
         for problem in problems_of(questions, answers.given):
             raise WireError(f"the {station} display answers {problem}")
-        place = (answers.block, station)
-        if not answers.complete and place in self._given:
+        place, empty = (answers.block, station), not any(answers.given.values())
+        if not answers.complete and (place in self._finished or (empty and place in self._given)):
             raise WireError(f"the {station} display has an unfinished form of block {answers.block}, which has answers")
-        if answers.complete or any(answers.given.values()):
+        if not empty:
             self._given.add(place)
-        if answers.block == max(self._asked):
+        if answers.complete:
+            self._finished.add(place)
+            if self._waiting.get(station) == answers.block:
+                del self._waiting[station]
+        if answers.block == max(self._asked) and station not in self._waiting:
             self.unsent.discard(station)
-        if answers.complete and self._waiting.get(station) == answers.block:
-            del self._waiting[station]
         return {
             "station": station,
             "block": str(answers.block),

@@ -108,7 +108,7 @@ class SessionState:
     def enter_block(self) -> None:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block
-        self.event_log.blinded = block.config.block.blinded
+        self.event_log.blinded, self.event_log.any_blinded = block.config.block.blinded, self.sequence.any_blinded
         self.stage = block.stage.initial(**self.attempts.start_of(block.config.block.number))
         # A view of one word: it is read several times a tick, and a field of a record takes ten times as long.
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :].data

@@ -297,12 +297,11 @@ def progress_of(
 
 def resume_words(progress: SessionProgress) -> str:
     """Describe in one line where a session resumes, for the operator, and which answers it lacks."""
-    if not progress.form.stations:
-        return _place_words(progress)
-    who = " and ".join(progress.form.stations)
-    return (
-        f"{_place_words(progress)}; the answers of {who} to the questionnaires of block {progress.form.block} are lost"
-    )
+    where, form = _place_words(progress), progress.form
+    if not form.stations:
+        return where
+    # Not whose: only people answer, and the block may be blinded.
+    return f"{where}; answers to the questionnaires of block {form.block} are lost (the journal names the stations)"
 
 
 def _place_words(progress: SessionProgress) -> str:
