@@ -1,5 +1,6 @@
 """``netboard demo``: a whole session on one machine, with or without players."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -81,9 +82,10 @@ def demo(
     from netboard.nodes.server.planned import StudySession
 
     wanted = None if study is None else StudySession(study, dyad, 1, seed, blocks, trials)
-    compile_kernels(settings, blocks_of_session(settings, wanted), SIDES)
+    planned = blocks_of_session(settings, wanted)
     options = [] if wanted is None else [*wanted.options, "--autostart"]
-    raise typer.Exit(run(settings, displays=displays, study=options))
+    prepare = partial(compile_kernels, settings, planned, SIDES)
+    raise typer.Exit(run(settings, displays=displays, study=options, prepare=prepare))
 
 
 def demo_settings(

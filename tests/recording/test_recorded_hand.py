@@ -73,13 +73,12 @@ def test_left_partner_with_the_hand_of_the_right_one_is_its_mirror_image(recorde
 
 
 def test_identity_says_what_is_played(recorded: Path) -> None:
-    one, again, other = (
-        partner(configured(recorded, hand=hand), "right").identity for hand in ("same", "right", "left")
-    )
-    movements = [
-        identity["policy_parameters"].partition('"movements_sha256": ')[2][:66] for identity in (one, again, other)
-    ]
-    assert movements[0] == movements[1] != movements[2]
+    """The hash is of what was recorded: the filter's result may differ in the last bit on another machine."""
+    options: tuple[dict[str, Any], ...] = ({}, {"hand": "right"}, {"cutoff_hz": 10.0}, {"hand": "left"})
+    identities = [partner(configured(recorded, **given), "right").identity for given in options]
+    movements = [identity["policy_parameters"].partition('"movements_sha256": ')[2][:66] for identity in identities]
+    assert movements[0] == movements[1] == movements[2] != movements[3]
+    assert identities[0] != identities[2]
     assert len(movements[0].strip('"')) == 64
 
 

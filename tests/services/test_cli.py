@@ -401,8 +401,11 @@ def test_playing_without_a_screen_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
+    compiled: list[object] = []
+    monkeypatch.setattr("netboard.nodes.launching.kernels.compile_kernels", lambda *given: compiled.append(given))
     result = runner.invoke(app, ["demo", "--play", "left"])
     assert result.exit_code == 1
+    assert not compiled
     assert "playing needs a window, but there is no screen" in result.stderr
     assert result.stderr.count("\n") == 1
 

@@ -91,6 +91,21 @@ def test_plan_that_does_not_fit_is_refused_before_anything_starts(monkeypatch: p
     assert "--session: found 9, expected 1 to" in result.stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stop_interrupts_the_preparation(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def compile_until_stopped(*given: object) -> int:
+        signal.raise_signal(number)
+        return 1
+
+    monkeypatch.setattr(terminal, "compile_kernels", compile_until_stopped)
+    words = ["--set", f"network.port={free_port()}", "--set", f"recording.directory={tmp_path}"]
+    result = CliRunner().invoke(app, ["up", "--prepare", *words])
+    assert result.exit_code == 1
+    assert "interrupted" in result.stderr
+    assert "compiled in" not in result.stdout
+
+
 @pytest.mark.parametrize(
     ("words", "options"),
     [

@@ -15,6 +15,7 @@ from rich.console import Console
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import NetboardError
 from netboard.base.process.display_server import require_screen
+from netboard.base.process.stopping import interrupted_by_stop_signals
 from netboard.base.system.supervision import supervision
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.control import Status
@@ -53,7 +54,9 @@ def prepare(launch: Launch, say: Callable[[str, str], object]) -> None:
     for step in missing_steps(launch.config, launch.here, launch.settings):
         step.do()
         say(step.what, f"{step.missing}; created: {step.command}")
-    began, compiled = time.monotonic(), compile_kernels(launch.config, launch.blocks, launch.here)
+    began = time.monotonic()
+    with interrupted_by_stop_signals():
+        compiled = compile_kernels(launch.config, launch.blocks, launch.here)
     took = f"{time.monotonic() - began:.0f} s"
     say("kernels", f"{compiled} compiled in {took}, and kept for every later start" if compiled else "ready")
 

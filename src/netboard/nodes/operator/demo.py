@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from enum import Enum
@@ -51,13 +51,18 @@ class BlockEnd(Enum):
     FAILED = "interrupted, or a process has failed"
 
 
-def run(config: Config, *, displays: bool = True, study: Sequence[str] = ()) -> int:
+def run(
+    config: Config, *, displays: bool = True, study: Sequence[str] = (), prepare: Callable[[], object] = lambda: None
+) -> int:
     """Run a block, or a session of a study (``study``: options of the server), and print its results.
+
+    ``prepare``: called once it is sure that the displays can run.
 
     Return 1 if a process failed, the block was not finished, or the recording is not verified. A player may leave
     before the end; that is no failure.
     """
     options = display_options(config) if displays else None
+    prepare()
     began = time.monotonic()
     directory = Path(config.recording.directory).resolve()
     with Stopping() as stopping:

@@ -12,7 +12,6 @@ on its action.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Annotated, Any, ClassVar, Literal, final
 
 import numpy as np
@@ -69,14 +68,7 @@ class RecordedHand:
 
     towards: tuple[NDArray[np.float64], ...]  # heights, in trials with the target at the side of the hand [m]
     away: tuple[NDArray[np.float64], ...]  # and at the other side [m]
-
-    @property
-    def sha256(self) -> str:
-        """SHA-256 of what is played."""
-        digest = sha256()
-        for movement in (*self.towards, np.empty(0), *self.away):
-            digest.update(np.int64(len(movement)).tobytes() + movement.astype("<f8").tobytes())
-        return digest.hexdigest()
+    sha256: str  # of the heights as recorded: those that are played may differ in the last bit on another machine
 
 
 _CONSTANTS = np.dtype(

@@ -6,6 +6,7 @@ follows the steps of an encoder would shake.
 """
 
 from functools import lru_cache
+from hashlib import sha256
 from math import ceil
 from pathlib import Path
 
@@ -64,12 +65,14 @@ def _read(path: Path, stamp: int, hand: Side, first: int, last: int, cutoff_hz: 
         attempts = [one for one in attempts if not last or one.trial <= last]
         columns = recording.columns("tick", name)
     found: dict[bool, list[NDArray[np.float64]]] = {True: [], False: []}
-    sign = 1 if hand == "right" else -1
+    sign, digest = (1 if hand == "right" else -1), sha256()
     for one in attempts:
         begin, stop = np.searchsorted(columns["tick"], (one.tick, one.stop))
         heights = columns[name][begin:stop]
         if len(heights) == one.stop - one.tick and np.isfinite(heights).all():
-            found[sign * one.target > 0].append(_smoothed(heights, cutoff_hz))
+            towards = sign * one.target > 0
+            found[towards].append(_smoothed(heights, cutoff_hz))
+            digest.update(np.array([towards, len(heights)], "<i8").tobytes() + heights.astype("<f8").tobytes())
     for direction, word in ((True, "its own side"), (False, "the other side")):
         if not found[direction]:
             count = len(found[not direction])
@@ -80,7 +83,7 @@ def _read(path: Path, stamp: int, hand: Side, first: int, last: int, cutoff_hz: 
     every = np.concatenate(found[True] + found[False])
     if np.ptp(every) < MIN_RANGE:
         raise ConfigError(f"{path}: its {hand} hand moved {1e3 * np.ptp(every):.2g} mm, expected one that moved")
-    return RecordedHand(tuple(found[True]), tuple(found[False]))
+    return RecordedHand(tuple(found[True]), tuple(found[False]), digest.hexdigest())
 
 
 def _smoothed(heights: NDArray[np.float64], cutoff_hz: float) -> NDArray[np.float64]:

@@ -1,0 +1,50 @@
+"""The kernels that a session needs: what is run to compile them, and what is said of a process that ended."""
+
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+
+import pytest
+
+from netboard.base.config import parse
+from netboard.base.errors import NetboardError
+from netboard.nodes.launching.kernels import _are_built_in, _are_over, _served
+
+
+def test_worker_that_was_killed_is_an_error_in_words() -> None:
+    task: Future[None] = Future()
+    task.set_exception(BrokenProcessPool("terminated abruptly"))
+    with pytest.raises(NetboardError, match="a process that compiles ended, perhaps because memory ran out"):
+        _are_over([task])
+
+
+def test_agent_runs_with_its_own_device_and_once_as_each_robot_partner_of_the_blocks() -> None:
+    rig = parse("", overrides=["agents.right.device=falcon", "agents.right.velocity=kalman"])
+    given = [
+        ["block.right=person"],
+        ["block.right=follower", "partners.right.initiative=0.2"],
+        ["block.right=follower", "partners.right.initiative=0.4"],
+        ["block.right=follower", "partners.right.initiative=0.2", "block.number=2", "block.blocks=2"],
+        ["block.left=leader"],
+    ]
+    blocks = [parse("", overrides=["agents.right.velocity=kalman", *overrides]) for overrides in given]
+    served = [(one.agents.right, one.partners.right) for one in _served(rig, blocks, "right")]
+    assert [(agent.device, agent.velocity, dict(agent.options), dict(parameters)) for agent, parameters in served] == [
+        ("virtual", "device", {}, {}),
+        ("partner", "kalman", {"partner": "follower"}, {"initiative": 0.2}),
+        ("partner", "kalman", {"partner": "follower"}, {"initiative": 0.4}),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "built_in"),
+    [
+        ([], True),
+        (["block.left=follower", "agents.right.device=falcon"], True),
+        (["block.left=ours"], False),
+        (["agents.right.device=ours"], False),
+        (["agents.right.device=partner", "agents.right.options.partner=ours"], False),
+    ],
+)
+def test_code_of_a_lab_is_looked_at_again_at_each_start(overrides: list[str], built_in: bool) -> None:
+    config = parse("", overrides=overrides)
+    assert _are_built_in(config, [config]) is built_in
