@@ -16,11 +16,13 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from netboard.base.config import Config  # noqa: E402
 from netboard.base.errors import ConfigError  # noqa: E402
 from netboard.participants.batch.reduced import step_length  # noqa: E402
+from netboard.participants.batch.reduced_steps import OMEGA, THETA, VP  # noqa: E402
 from netboard.participants.batch.spaces import TRUTH, SceneOptions  # noqa: E402
 from netboard.participants.environments.parallel import BoardParallelEnv  # noqa: E402
 from netboard.participants.environments.registration import BOARD  # noqa: E402
 from netboard.participants.environments.single import BoardEnv  # noqa: E402
 from netboard.participants.environments.vector import BoardVectorEnv  # noqa: E402
+from netboard.stage.stage import MAX_TILT  # noqa: E402
 
 PLAIN = replace(Config(), block=replace(Config().block, force="none"))
 SCALES = np.array([one.scale for one in TRUTH])
@@ -130,7 +132,31 @@ def test_board_that_turns_over_ends_the_trial() -> None:
     assert not truncated.any()
     assert not infos["success"].any()
     assert reward[1] < -5.0
-    assert not observed[1, -len(TRUTH) :][:4].any()
+    assert np.abs(observed[1, -len(TRUTH) :][:4]).max() < 0.2, "at rest, then loaded by its ball"
+
+
+@pytest.mark.slow
+def test_board_that_turns_over_within_a_step_ends_the_trial() -> None:
+    fleet = boards("reduced", 2)
+    fleet.reset(seed=1)
+    rows = fleet.scenes._arrays.rows
+    rows[0, THETA, 1], rows[0, OMEGA, 1] = MAX_TILT + 0.1, -30.0
+    *_, terminated, _, infos = fleet.step(np.zeros((2, 2), np.float32))
+    assert terminated.tolist() == [False, True]
+    assert not infos["success"].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("row", "value"), [(OMEGA, 1e200), (VP, np.nan)])
+def test_state_that_is_no_number_ends_the_trial(row: int, value: float) -> None:
+    fleet = boards("reduced", 2)
+    fleet.reset(seed=1)
+    rows = fleet.scenes._arrays.rows
+    rows[0, row, 1] = value
+    _, reward, terminated, *_ = fleet.step(np.zeros((2, 2), np.float32))
+    assert terminated.tolist() == [False, True]
+    assert np.isfinite(reward).all()
+    assert np.isfinite(rows).all()
 
 
 @pytest.mark.slow
@@ -196,3 +222,14 @@ def test_integration_steps_divide_a_step_and_are_as_long_as_the_scene_permits() 
     stiffer = replace(PLAIN, physics=replace(PLAIN.physics, M=0.002, I=0.00008))
     with pytest.raises(ConfigError, match="several steps in a tick"):
         step_length(stiffer, 10)
+
+
+@pytest.mark.parametrize("substeps", [0, 1])
+def test_integration_steps_are_as_long_with_a_named_method(substeps: int) -> None:
+    named = {"method": "rk4", "substeps": substeps}
+    for constants in ({}, {"M": 0.006, "I": 0.00024}):
+        physics = replace(PLAIN.physics, **constants)
+        usual = step_length(replace(PLAIN, physics=physics), 10)
+        assert step_length(replace(PLAIN, physics=replace(physics, **named)), 10) == usual
+    with pytest.raises(ConfigError, match="physics.method"):
+        step_length(replace(PLAIN, physics=replace(PLAIN.physics, method="etdrk4")), 10)

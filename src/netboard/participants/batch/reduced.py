@@ -1,12 +1,13 @@
 """Many scenes at reduced fidelity: the same task, hands, actions, observations and rewards, several times as fast.
 
-`reduced_steps` says what differs from `netboard.participants.batch.scenes.Scenes`, and `netboard bench fidelity` by how
-much. Reduced scenes have no haptic feedback, no policy at the other seat, and no recording.
+`reduced_steps` says what differs from `netboard.participants.batch.scenes.Scenes`, and `netboard bench environments`
+by how much. Reduced scenes have no haptic feedback, no policy at the other seat, and no recording.
 
 Rule 1: a scene depends on the seed of its episode and on its actions, not on the scenes beside it or their number.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import ceil, nan
 from typing import Any, ClassVar, final
 
@@ -29,9 +30,9 @@ from netboard.participants.batch.agents import (
     targets_of,
     timing_of,
 )
+from netboard.participants.batch.arrays import LANES
 from netboard.participants.batch.reduced_steps import (
     HEIGHT,
-    LANES,
     LONGEST,
     PHASE,
     ROWS,
@@ -224,10 +225,13 @@ def step_length(config: Config, ticks: int) -> int:
     Raises
     ------
     ConfigError
-        If the scene is so stiff that RK4 takes several steps in a tick.
+        If another method is configured, or the scene is so stiff that RK4 takes several steps in a tick.
     """
+    if config.physics.method not in ("auto", METHOD):
+        raise ConfigError(f'physics.method: found "{config.physics.method}", expected "auto" or "{METHOD}"')
+    physics = replace(config.physics, method="auto", substeps=0)  # a named method would only have to be stable
     for length in range(min(LONGEST, ticks), 0, -1):
-        choice = choose(config.physics, length * TICK_SECONDS)
+        choice = choose(physics, length * TICK_SECONDS)
         if ticks % length == 0 and (choice.method, choice.substeps) == (METHOD, 1):
             return length
     raise ConfigError("fidelity: found reduced with a scene that needs several steps in a tick, expected strict")

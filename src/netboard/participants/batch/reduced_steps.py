@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import Numbers, Records, borrowed, fast, inlined, kernel, relaxed
 from netboard.base.tick import TICK_SECONDS
+from netboard.participants.batch.arrays import LANES
 from netboard.participants.batch.spaces import BOUND
 from netboard.physics.arithmetic.simd import Packed, lanes_at, larger, put, smaller, where_within
 from netboard.physics.arithmetic.trig import sincos
@@ -26,9 +27,6 @@ from netboard.physics.hands.extrapolation import moving
 from netboard.physics.methods.one_step import rk4
 from netboard.physics.scene.parameters import Parts
 from netboard.stage.stage import MAX_TILT
-
-LANES = 16
-"""Scenes in a group [1]."""
 
 LONGEST = 5
 """Longest integration step [ticks]."""
@@ -236,10 +234,10 @@ def make_steps(FREE: Parts, FIXED: Parts, LENGTH: int, COUNT: int, ALIKE: bool, 
                 else:
                     rested = rk4(x, H, drives, (tables, 1), FIXED, scene)
                 _put_chosen(rows, free, rolled, rested)
+                _fail_fallen_boards(rows, x[4])
                 for agent in range(len(sc.every)):
                     _show(sc, agent, g, LENGTH, phase, x, rules["target_distance"], MORE)
                 put(rows, TICKS * LANES, lanes_at(rows, TICKS * LANES, LANES) + float(LENGTH))
-            _fail_fallen_boards(rows)
             put(reward, g * LANES, _scored(rows, rules["target_distance"], weights))
             for j in range(LANES):
                 ended = rows[PHASE, j] >= SUCCEEDED
@@ -261,14 +259,19 @@ def _put_chosen(rows: NDArray[np.float64], free: Packed, rolled: tuple[Any, ...]
 
 
 @inlined
-def _fail_fallen_boards(rows: NDArray[np.float64]) -> None:
-    """End the trials of boards that have tilted beyond `MAX_TILT`, as a fault of the stage does."""
-    theta = lanes_at(rows, THETA * LANES, LANES)
-    phase = lanes_at(rows, PHASE * LANES, LANES)
-    put(rows, PHASE * LANES, where_within(theta, -MAX_TILT, MAX_TILT, phase, FAILED))
-    for row in range(THETA + 2):
-        value = lanes_at(rows, row * LANES, LANES)
-        put(rows, row * LANES, where_within(theta, -MAX_TILT, MAX_TILT, value, 0.0))
+def _fail_fallen_boards(rows: NDArray[np.float64], p: Packed) -> None:
+    """End the trials of boards that have tilted beyond `MAX_TILT`, as a fault of the stage does, with their balls at p.
+
+    A state that is not finite makes the sum NaN, of which `smaller` takes the other: infinity.
+    """
+    total = lanes_at(rows, Z * LANES, LANES)
+    for row in range(VZ, VP + 1):
+        total = total + lanes_at(rows, row * LANES, LANES)
+    tilt = smaller(inf, abs(lanes_at(rows, THETA * LANES, LANES) + 0.0 * total))
+    put(rows, PHASE * LANES, where_within(tilt, 0.0, MAX_TILT, lanes_at(rows, PHASE * LANES, LANES), FAILED))
+    for row in range(VP + 1):
+        rest = p if row == P else 0.0
+        put(rows, row * LANES, where_within(tilt, 0.0, MAX_TILT, lanes_at(rows, row * LANES, LANES), rest))
 
 
 @kernel
