@@ -11,7 +11,8 @@ from extractions import assert_same, extracted, study_from
 from netboard.analysis.cohort.workers import Runner
 from netboard.analysis.extraction import workers
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.workers import dask
+from netboard.analysis.extraction.workers import WorkerPool, dask
+from netboard.analysis.report.analysing import AnalysisOptions, analyse
 from netboard.base.errors import ConfigError, RecordingError
 
 distributed = pytest.importorskip("distributed")
@@ -34,6 +35,18 @@ def test_cluster_computes_the_same_tables(address: str, recordings: tuple[Path, 
     here = extracted(recordings, Readings())
     assert there.peak > 1e7
     assert_same(study_from(there), study_from(here))
+
+
+def test_analysis_on_a_cluster_starts_no_processes_here(
+    recordings: tuple[Path, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def counted(count: int) -> WorkerPool:
+        raise KeyboardInterrupt(count)
+
+    monkeypatch.setattr(workers, "processes", counted)
+    chosen = AnalysisOptions(dask="tcp://127.0.0.1:1", keep=False)
+    with pytest.raises(KeyboardInterrupt, match=r"^1$"):
+        next(analyse(recordings, tmp_path / "out", None, (), chosen, Readings))
 
 
 @on_cluster

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from netboard.analysis.extraction import store as store_module
 from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
+from netboard.analysis.report import folder as folder_module
 from netboard.analysis.report.analysing import PLACEHOLDER, name_command
 from netboard.services.cli import app
 from rehearsed_study import small_study
@@ -77,6 +78,28 @@ def test_repeated_analysis_is_restored_from_the_cache_bit_for_bit(study: Path, m
 
 
 @pytest.mark.slow
+def test_files_that_change_during_an_analysis_are_restored_as_written(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: dict[str, bytes] = {}
+
+    def edit_first(*parts: object, **options: object) -> tuple[tuple[str, ...], float]:
+        written.update(contents("out"))
+        Path("out/tables/trials.csv").write_text("saved by a spreadsheet")
+        Path("out/tables/.~lock.trials.csv#").write_text("its lock")
+        return write_second_part(*parts, **options)
+
+    write_second_part = folder_module.write_second_part
+    with monkeypatch.context() as patch:
+        patch.setattr(folder_module, "write_second_part", edit_first)
+        analyse(study, "-o", "out")
+    assert "; all were cached" in analyse(study, "-o", "again")
+    again = contents("again")
+    assert "tables/.~lock.trials.csv#" not in again
+    assert {name for name, content in written.items() if again[name] != content} == {"report.html"}
+
+
+@pytest.mark.slow
 def test_cache_key_depends_on_recordings_settings_options_and_code(
     study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,7 +147,7 @@ def test_damaged_or_incomplete_cache_entry_is_not_used(tmp_path: Path) -> None:
     (folder / "a.csv").write_bytes(b"1,2")
     (folder / "b.csv").write_bytes(b"3,4")
     store = Store(tmp_path / "store")
-    store_module.store_analysis(store, "key", tmp_path / "folder", ["words"])
+    store_module.store_entry(store, "key", store_module.store_files(store, tmp_path / "folder"), ["words"])
     (restored := tmp_path / "restored").mkdir()
     assert store_module.restore_analysis(store, "other", restored) is None
     assert store_module.restore_analysis(store, "key", restored) == ("words",)
@@ -145,7 +168,8 @@ def test_cached_analyses_respect_the_size_limit_of_the_store(tmp_path: Path) -> 
     (folder := tmp_path / "folder").mkdir()
     for number in range(5):
         (folder / "table.csv").write_bytes(bytes([number]) * 10_000)
-        store_module.store_analysis(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
+        store = Store(tmp_path / "store", limit=25_000)
+        store_module.store_entry(store, str(number), store_module.store_files(store, folder), [])
     assert sum(path.stat().st_size for path in (tmp_path / "store").iterdir()) <= 25_000
     store = Store(tmp_path / "store")
     (restored := tmp_path / "restored").mkdir()

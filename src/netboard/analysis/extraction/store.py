@@ -169,19 +169,21 @@ def digests_of(paths: Sequence[Path], digest: Callable[[Path], str] = sha256_of)
         return dict(zip(paths, pool.map(digest, paths), strict=True))
 
 
-def store_analysis(
-    store: Store, key: str, folder: Path, words: Sequence[str], instead: Mapping[str, bytes] | None = None
-) -> None:
-    """Store an analysis, with other contents `instead` of those of some files."""
+def store_files(store: Store, folder: Path) -> dict[str, str]:
+    """Store the files of a folder that nobody else uses yet; return the entry of each for `store_entry`."""
     files = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        place = path.relative_to(folder).as_posix()
-        content = (instead or {}).get(place) or path.read_bytes()
+        content = path.read_bytes()
         name = f"{hashlib.sha256(content).hexdigest()}{FILE}"
         if store.get(name) is None:
             store.put(name, content)
-        files[place] = name
-    store.put(f"{key}{ANALYSIS}", json.dumps({"files": files, "words": list(words)}).encode())
+        files[path.relative_to(folder).as_posix()] = name
+    return files
+
+
+def store_entry(store: Store, key: str, files: Mapping[str, str], words: Sequence[str]) -> None:
+    """Store the list of an analysis, whose files are stored."""
+    store.put(f"{key}{ANALYSIS}", json.dumps({"files": dict(files), "words": list(words)}).encode())
     store.trim()
 
 

@@ -19,7 +19,14 @@ from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
-from netboard.analysis.extraction.store import Store, default_folder, key_of_analysis, restore_analysis, store_analysis
+from netboard.analysis.extraction.store import (
+    Store,
+    default_folder,
+    key_of_analysis,
+    restore_analysis,
+    store_entry,
+    store_files,
+)
 from netboard.analysis.report.wording import amount, plural, visible
 from netboard.base.errors import ConfigError
 from netboard.base.files.new import refuse_existing
@@ -44,9 +51,6 @@ REPORTING = "netboard.analysis.report.folder"
 
 ANSWERED = "tables and answer: "
 """Beginning of the line that names the tables and the beginning of the report."""
-
-QUOTING = ("provenance.json", "report.html")
-"""Files that quote the command."""
 
 PLACEHOLDER = "@command-of-this-analysis@"
 """Stands for the command until all other files, which do not depend on it, are written."""
@@ -104,15 +108,14 @@ def analyse(
             words = yield from found.lines(read, began)
             peak = found.peak
             if store:
-                store_analysis(store, key, folder, words, found.unnamed)
+                store_entry(store, key, found.files, words)
     yield _in_total(folder, time.perf_counter() - began, peak)
 
 
 class _Analysis:
     """An analysis that is not in the cache.
 
-    After `lines`: the largest memory of a process that worked for it, in bytes, and the files that quote the command,
-    without it.
+    After `lines`: the largest memory of a process that worked for it, in bytes, and the cache entries of its files.
     """
 
     def __init__(
@@ -127,14 +130,14 @@ class _Analysis:
         self._recordings, self._unfinished = recordings, unfinished
         self._scratch, self._folder, self._chosen, self._store = scratch, folder, chosen, store
         self.peak = 0.0
-        self.unnamed: dict[str, bytes] = {}
+        self.files: dict[str, str] = {}
 
     def lines(self, read: "Callable[[], Readings]", began: float) -> Generator[str, None, tuple[str, ...]]:
         """Analyse, and yield what to say as soon as it is known; return what to say of it again from the cache."""
         from netboard.analysis.extraction.workers import processes, warm
         from netboard.base.process.workers import cores
 
-        count = self._chosen.workers or cores()
+        count = 1 if self._chosen.dask is not None else self._chosen.workers or cores()
         with processes(count)(self._recordings) as executor:
             warm(executor, count, MEASURING)  # meanwhile this process imports what it needs to begin
             pool = executor if isinstance(executor, ProcessPoolExecutor) else None
@@ -149,7 +152,7 @@ class _Analysis:
                 (first := self._scratch / "first").mkdir()
                 beside = self._chosen.beside_the_paper
                 figure = write_first_part(first, study, found, origin, pool, shared, tell, beside_the_paper=beside)
-                self._name(first)
+                self._finish(first)
                 publish(first, self._folder)
             words = tuple(_in_words(study, found))
             kept = sum(source.cached for source in found.sources)
@@ -162,7 +165,7 @@ class _Analysis:
             with telling() as tell:
                 (rest := self._scratch / "rest").mkdir()
                 lost, peak = write_second_part(rest, study, origin, pool, shared, tell, figure, beside_the_paper=beside)
-                self._name(rest)
+                self._finish(rest)
                 add(rest, self._folder)
         self.peak = max(found.peak, peak)
         warnings = tuple(f"warning: {one}" for one in lost)
@@ -196,11 +199,10 @@ class _Analysis:
         found = replace(found, left_out=(*found.left_out, *parts))
         return study_of(found.measured, readings, found.paths), found
 
-    def _name(self, part: Path) -> None:
-        """Write the command into the files that quote it, and keep them without it for the cache."""
-        for name in QUOTING:
-            if (path := part / name).exists():
-                self.unnamed[name] = path.read_bytes()
+    def _finish(self, part: Path) -> None:
+        """Store the files of a part while nobody else can change them, then write the command into them."""
+        if self._store is not None:
+            self.files |= store_files(self._store, part)
         name_command(part, _command())
 
 
@@ -250,7 +252,7 @@ def _in_total(folder: Path, seconds: float, peak: float) -> str:
     """Return a line with the folder, the duration and the memory."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files) / 1e6
-    measured = f", {peak / 1e6:.0f} MB in a process that measures" if peak else ""
+    measured = f", {peak / 1e6:.0f} MB in a worker process" if peak else ""
     most = f"at most {peak_memory() / 1e6:.0f} MB in memory{measured}"
     return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"
 
