@@ -133,7 +133,6 @@ KNOWN = {
     "agents": {"METHOD": "a name"},
     "arrays": {"LANES": "length of a register", "BOTH": "length of a register"},
     "reduced_steps": {
-        "LANES": "length of a register",
         "LONGEST": "step of the integration, on the page of the environments",
         "ROWS": "length of a state",
         "VIEW_ROWS": "length of a view",
