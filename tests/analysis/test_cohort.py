@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from netboard.analysis.cohort import virtual
+from netboard.analysis.cohort.block import Rehearsed, rehearse
 from netboard.analysis.cohort.folder import Cohort, make_cohort
 from netboard.analysis.cohort.planning import Request, answer
 from netboard.analysis.cohort.posterior import Posterior
@@ -25,7 +27,8 @@ from netboard.analysis.topics.measures import levels
 from netboard.analysis.topics.pushes import pushes
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.nodes.rehearsal.jobs import rehearse_all
+from netboard.base.tables.perturbations import Perturbation
+from netboard.nodes.rehearsal.jobs import RehearsalJob, rehearse_all
 from netboard.recording.export.runs import runs_of
 from netboard.task.studies.study import parse_study
 
@@ -94,11 +97,15 @@ def test_dyad_levels_equal_those_of_analysed_recordings(cohort: Cohort, analysed
     assert list(found.index) == ["D01", "D02"]
 
 
+def pushed_design(trials: int, perturbed: int) -> VirtualDesign:
+    push = "perturbation = { at = 'ball', force = 0.03, time = 0.3 }\n"
+    plan = PLAN.replace("trials = 2", f"trials = {trials}").replace("[orders]", f"{push}[orders]")
+    return replace(DESIGN, study=parse_study(f"{plan}perturbed = {perturbed}\n", "pushed"), dyads=1)
+
+
 @pytest.mark.slow
 def test_responses_to_pushes_equal_those_of_analysed_recordings(tmp_path: Path) -> None:
-    push = "perturbation = { at = 'ball', force = 0.03, time = 0.3 }\n"
-    plan = PLAN.replace("trials = 2", "trials = 8").replace("[orders]", f"{push}[orders]") + "perturbed = 3\n"
-    design = replace(DESIGN, study=parse_study(plan, "pushed"), dyads=1)
+    design = pushed_design(trials=8, perturbed=3)
     table = pd.DataFrame(unpack(simulate(design, 1)).tables["pushes"])
     parts = pushes(recorded(design, tmp_path)).parts
     assert list(table["condition"]) == [one.condition.name for one in parts for _ in one.performers]
@@ -107,6 +114,17 @@ def test_responses_to_pushes_equal_those_of_analysed_recordings(tmp_path: Path) 
     for name, attribute in (("peak", "peak"), ("peak_time", "at"), ("half_back", "half_back")):
         expected = [getattr(response, attribute) for one in parts for response in one.responses]
         np.testing.assert_array_equal(table[name], expected)
+
+
+@pytest.mark.slow
+def test_plan_with_pushes_has_a_table_of_them_even_if_nobody_was_pushed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unpushed(job: RehearsalJob) -> Rehearsed:
+        return rehearse(replace(job, config=replace(job.config, perturbation=Perturbation())))
+
+    monkeypatch.setattr(virtual, "rehearse", unpushed)
+    tables = unpack(simulate(pushed_design(trials=2, perturbed=1), 1)).tables
+    assert set(tables) == {"groups", "trials", "pushes"}
+    assert all(len(column) == 0 for column in tables["pushes"].values())
 
 
 @pytest.mark.slow

@@ -102,9 +102,9 @@ def cohort_part(trials: int, rounds: int, tell: Tell) -> ResultPart:
         "simulation": (lambda: _rehearse(jobs), ticks),
         "simulation, columns, attempts, flags": (lambda: [rehearse(job) for job in jobs], ticks),
         "all of these, and measures": (measures, ticks),
-        "all of these, and tables": (lambda: packed_tables(design, 1, measures(), 0, ticks), ticks),
+        "all of these, and tables": (lambda: packed_tables(design, 1, measures(), 0, ticks, perturbed=False), ticks),
     }
-    packed_tables(design, 1, measures(), 0, ticks)
+    packed_tables(design, 1, measures(), 0, ticks, perturbed=False)
     taken: dict[str, list[float]] = {name: [] for name in steps}
     for number in range(rounds):
         tell("speed of cohorts", number / rounds)

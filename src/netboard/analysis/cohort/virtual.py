@@ -106,21 +106,29 @@ def simulate(design: VirtualDesign, number: int) -> bytes:
     - `number`: number of the study in the cohort, from 1 [1].
     """
     config, seed = design.config_of(number), design.seed_of(number)
-    tables, given_up, ticks = [], 0, 0
+    tables, given_up, ticks, perturbed = [], 0, 0, False
     for dyad in range(1, design.dyads + 1):
         for place, job in enumerate(jobs_of_dyad(config, design.study, seed, dyad), start=1):
             found = rehearse(job)
             tables.append(measured(job, place, found))
             given_up, ticks = given_up + found.given_up, ticks + found.ticks
-    return packed_tables(design, number, tables, given_up, ticks)
+            perturbed |= bool(job.config.perturbation.trials)
+    return packed_tables(design, number, tables, given_up, ticks, perturbed=perturbed)
 
 
 def packed_tables(
-    design: VirtualDesign, number: int, measured_blocks: Sequence[Measured], given_up: int, ticks: int
+    design: VirtualDesign,
+    number: int,
+    measured_blocks: Sequence[Measured],
+    given_up: int,
+    ticks: int,
+    *,
+    perturbed: bool,
 ) -> bytes:
     """Return the packed tables of a virtual study from its measured blocks.
 
     - `given_up`, `ticks`: aborted blocks, and simulated ticks of all blocks [1].
+    - `perturbed`: whether its plan has perturbation trials: all studies of a cohort have the same tables.
     """
     study = study_of(measured_blocks, READINGS)
     whole = {
@@ -138,7 +146,7 @@ def packed_tables(
     packed = {"groups": written(group_rows(study, number), fields["groups"])}
     if design.keep_trials:
         packed["trials"] = written(attempt_rows(study, number), fields["trials"])
-    if (study.trials["pushed"] != "").any():
+    if perturbed:
         packed["pushes"] = push_rows(study, number)
     return _packed(whole, packed, fields, study)
 
