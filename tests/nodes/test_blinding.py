@@ -298,5 +298,5 @@ def test_events_about_forms_have_no_line_in_a_session_with_a_blinded_block(
     for hidden in (False, True):
         caplog.clear()
         events.any_blinded = hidden
-        events.note(1, name, {"station": "left", "block": "1"})
+        events.note(1, name, {"station": "left", "block": "1", "complete": "false"})
         assert (f"{name} station=left" in caplog.text) is not hidden
