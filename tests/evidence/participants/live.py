@@ -90,7 +90,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[ResultPart]:
     """Play a session beside each robot partner, and analyse all of them."""
     recordings = folder.path / "recordings"
     names = QUICK_PARTNERS if quick else sorted(POLICIES)
-    hand = [f"partners.right.file={recorded_hand(folder.path / 'hand')}"] if PLAYBACK in names else []
+    hand = [f"partners.right.file={recorded_hand(folder.path)}"] if PLAYBACK in names else []
     sessions = {}
     for step, name in enumerate(names):
         tell(name, step / len(names))
