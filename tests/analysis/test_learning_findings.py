@@ -5,8 +5,9 @@ import pytest
 
 from made_study import Block, made_study, random_blocks, times
 from netboard.analysis.topics.groups import CLASSES
-from netboard.analysis.topics.learning import TeamLearning, learning
+from netboard.analysis.topics.learning import TeamLearning, learning, picture
 from netboard.analysis.topics.result import Result, TopicResults
+from netboard.participants.seat.partners import POLICIES
 
 BLOCKS = (
     Block("D01", "D01A", "bimanual", "full", times(9, 7, 3, 1)),
@@ -141,3 +142,13 @@ def test_robot_partner_is_a_separate_team() -> None:
 def test_study_without_successes_has_no_results() -> None:
     found = learning(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
     assert (found.parts, found.results) == ((), ())
+
+
+def test_figures_have_a_letter_for_each_panel_of_many_partners() -> None:
+    blocks = [Block("D01", "D01", "dyadic", "full", times(3, 2, 1), right_by=name) for name in sorted(POLICIES)]
+    drawn = picture(made_study(blocks, ENDS))
+    assert drawn.figure is not None
+    titles = [axes.get_title("left").split("}")[0][-1] for axes in drawn.figure.axes]
+    letters = [title for title in titles if title]
+    assert len(letters) > 16
+    assert len(set(letters)) == len(letters)

@@ -6,11 +6,13 @@ a colour. A haptic condition has a marker: hollow for haptics off, filled for ha
 the force. Dyads are small pale points behind their mean.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache, wraps
 from io import BytesIO
+from itertools import product
+from string import ascii_uppercase
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeAlias
 from weakref import WeakKeyDictionary
@@ -277,6 +279,12 @@ def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -
 
     figure = Figure(figsize=(WIDTH, height))
     return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
+
+
+def panel_letters() -> Iterator[str]:
+    """Yield the letters of the panels of a figure: A to Z, then AA, AB and so on."""
+    yield from ascii_uppercase
+    yield from map("".join, product(ascii_uppercase, repeat=2))
 
 
 def titled(axes: "Axes", letter: str, text: str) -> None:

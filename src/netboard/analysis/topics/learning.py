@@ -33,6 +33,7 @@ from netboard.analysis.topics.figure import (
     draw_dyads,
     draw_mean,
     new_mosaic,
+    panel_letters,
     pictured,
     sentence,
     team_look,
@@ -220,7 +221,7 @@ def picture(study: StudyData) -> Drawn:
         return "No trial is included, so learning cannot be shown."
     rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
     figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
-    letters, windows = iter("ABCDEFGHIJKLMNOP"), windows_of(study)
+    letters, windows = panel_letters(), windows_of(study)
     for one in teams:
         _areas(axes[f"time {one.team}"], one)
         titled(axes[f"time {one.team}"], next(letters), one.team)

@@ -22,6 +22,7 @@ from netboard.analysis.topics.figure import (
     Drawn,
     apart,
     draw_dyads,
+    panel_letters,
     pictured,
     sentence,
     span,
@@ -198,7 +199,7 @@ def picture(study: StudyData) -> Drawn:
     ellipses = list(grid.flat)[: len(teams)]
     for empty in list(grid.flat)[len(teams) :]:
         empty.set_axis_off()
-    letters = iter("ABCDEFGHIJKLMNOP")
+    letters = panel_letters()
     for axes, team in zip(ellipses, teams, strict=True):
         _ellipses(axes, team)
         titled(axes, next(letters), "all participants and dyads" if team.team == EVERYBODY else team.team)
