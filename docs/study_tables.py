@@ -43,6 +43,7 @@ STUDIES = (
     Shown("forces", "explanation/forces.md", "forces ", "conditions"),
     Shown("information", "explanation/participants-information.md", "information ",
           "scenes models filters hands senses skills acquaintance"),
+    Shown("live", "explanation/robots.md", "robots ", "live", "robots live machine"),
     Shown("loop", "explanation/latency.md", "loop-", "ratios latency lateness costs", "loop machine"),
     Shown("loop-touch", "explanation/latency.md", "touch-", "ratios latency costs", title="A Touch (stand-in): "),
     Shown("participants", "explanation/participants.md", "participants ",
