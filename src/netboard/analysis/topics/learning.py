@@ -5,7 +5,7 @@ are reported as in the paper, with mean and standard deviation of single trials 
 as means of dyads with a confidence interval.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -62,6 +62,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TOPIC = "learning"
+
+BESIDE = 4
+"""Most teams beside each other in the figure [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +213,11 @@ def _spread(group: str, found: PerformanceSummary, course: Course, note: str) ->
     )
 
 
+def _row(kind: str, band: Sequence[TeamLearning], width: int) -> list[str]:
+    """Return the panels of one kind in a row of the figure, filled up with empty ones."""
+    return [f"{kind} {one.team}" for one in band] + ["."] * (width - len(band))
+
+
 @pictured("Learning")
 def picture(study: StudyData) -> Drawn:
     """Draw the learning of participants and dyads.
@@ -219,14 +227,16 @@ def picture(study: StudyData) -> Drawn:
     teams = learning(study).parts
     if not teams:
         return "No trial is included, so learning cannot be shown."
-    rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
-    figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
+    bands = [teams[first : first + BESIDE] for first in range(0, len(teams), BESIDE)]
+    rows = [_row(kind, band, len(bands[0])) for band in bands for kind in ("time", "peaks")]
+    figure, axes = new_mosaic(4.6 * len(bands), rows, height_ratios=[1.35, 1] * len(bands))
     letters, windows = panel_letters(), windows_of(study)
-    for one in teams:
-        _areas(axes[f"time {one.team}"], one)
-        titled(axes[f"time {one.team}"], next(letters), one.team)
-    for one in teams:
-        titled(axes[f"peaks {one.team}"], next(letters), one.team)
+    for band in bands:
+        for one in band:
+            _areas(axes[f"time {one.team}"], one)
+            titled(axes[f"time {one.team}"], next(letters), one.team)
+        for one in band:
+            titled(axes[f"peaks {one.team}"], next(letters), one.team)
     narrow = len(teams) > 2
     room = 1.34 if narrow else 1.22
     for row, kind in enumerate(("time", "peaks")):
@@ -244,8 +254,10 @@ def picture(study: StudyData) -> Drawn:
                 own.set_xlabel("trial of the condition [1]")
         unit = teams[0].courses[row].quantity.unit
         name = ("completion time", "velocity peaks")[row]
-        axes[f"{kind} {teams[0].team}"].set_ylabel(f"{name} [{unit}]")
-    _names(axes[f"time {teams[-1].team}"], teams[-1], 0.015 * len(teams))
+        for band in bands:
+            axes[f"{kind} {band[0].team}"].set_ylabel(f"{name} [{unit}]")
+    last = bands[0][-1]
+    _names(axes[f"time {last.team}"], last, 0.015 * len(bands[0]))
     return figure, _caption(study, teams)
 
 
