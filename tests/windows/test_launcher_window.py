@@ -101,15 +101,47 @@ def test_failed_agent_is_shown_with_its_log_and_can_be_started_again(
     control.end_all()
 
 
-def test_study_that_is_edited_while_it_runs_is_explained(control: LauncherControl) -> None:
+def test_study_that_is_edited_while_it_runs_is_explained(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from netboard.task.studies import library
 
+    monkeypatch.setattr("netboard.windows.launcher.session_files.LOOK_S", 0.0)
     Path("study.toml").write_text(library.text_of("pilot"))
     control.choose(SessionChoice("rig.toml", "study.toml"))
     control.start()
     until(control, lambda: control.stage is LaunchStage.RUNNING)
+    until(control, control._files._first.done)
     Path("study.toml").write_text(library.text_of("pilot") + "\n# more\n")
     until(control, lambda: "study.toml was changed. The running session keeps the study" in said(control))
+    control.end_all()
+
+
+def test_study_on_a_failing_disk_keeps_no_emergency_stop_from_being_repeated(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from netboard.task.studies import library
+
+    reading: set[str] = set()
+    read_text = Path.read_text
+
+    def failing(path: Path, *settings: str, **options: str) -> str:
+        if path.name == "study.toml" and control.stage in (LaunchStage.PREPARING, LaunchStage.RUNNING):
+            reading.add(current_thread().name)
+            raise OSError(ESTALE, os.strerror(ESTALE))
+        return read_text(path, *settings, **options)
+
+    Path("study.toml").write_text(library.text_of("pilot"))
+    monkeypatch.setattr("netboard.windows.launcher.session_files.LOOK_S", 0.0)
+    monkeypatch.setattr(Path, "read_text", failing)
+    control.choose(SessionChoice("rig.toml", "study.toml"))
+    control.start()
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    until(control, lambda: reading)
+    control.emergency_stop()
+    until(control, lambda: "The server has not confirmed the emergency stop" in said(control))
+    assert "MainThread" not in reading
+    assert "was changed" not in said(control)
     control.end_all()
 
 

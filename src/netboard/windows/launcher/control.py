@@ -97,7 +97,7 @@ class LauncherControl:
         self._operator: Operator | None = None
         self._heard_ns = self._stop_ns = 0
         self._files = SessionFiles()
-        self._study_text = ""
+        self._edited = False  # whether an edit of the study was explained
         self.choose(choice)
 
     # --- the choice ----------------------------------------------------------------------------------------------
@@ -379,10 +379,10 @@ class LauncherControl:
         places = {name: at for name, at in self.places.items() if at == HERE} | places_at(self._stations)
         machines: dict[str, SessionMachine] = {HERE: self._local, **self._stations}
         self._session = LaunchedSession(machines, places, self._ended)
-        self._files.begin(Path(self.config.recording.directory))
+        self._files.begin(Path(self.config.recording.directory), Path(self.choice.study))
+        self._edited = False
         self._session.start()
         self._operator = Operator(self.config.network, self._context)
-        self._study_text = self._text_of_study()
         self.stage = LaunchStage.RUNNING
         self.say("Everything is started.", stays=False)
 
@@ -403,24 +403,16 @@ class LauncherControl:
             if operator.poll(trace=False) is not None:
                 self._heard_ns = now_ns()
         except NetboardError as error:
-            self.say(str(error), stays=True)
-            return
+            self.say(str(error), stays=True)  # a stop is repeated all the same
         if operator.status is not None and AWAITING_RELEASE in operator.status.waiting_for:
             self._stop_ns = 0
         if self._stop_ns:
             operator.command(STOP)
             if now_ns() - self._stop_ns > CONFIRM_NS:
                 self.say("The server has not confirmed the emergency stop: LET GO OF THE STYLUSES.", stays=True)
-        if self._study_text and (
-            words := edited_while_running(self._study_text, self._text_of_study(), self.choice.study)
-        ):
+        if not self._edited and (words := edited_while_running(*self._files.studies, self.choice.study)):
             self.say(words, stays=True)
-            self._study_text = ""
-
-    def _text_of_study(self) -> str:
-        """Return the text of the study's file; empty for a built-in study."""
-        path = Path(self.choice.study)
-        return path.read_text(errors="replace") if self.choice.study and path.is_file() else ""
+            self._edited = True
 
     def _leave_server(self) -> None:
         if self._operator is not None:

@@ -1,41 +1,59 @@
-"""How much of a session is on disk, looked up in a thread: a large folder or a slow disk delays no emergency stop."""
+"""The files of a session, looked up in a thread: a large folder or a slow disk delays no emergency stop.
+
+They are its recordings, for their size, and the study, which somebody may edit meanwhile.
+"""
 
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 LOOK_S = 5.0
 """Time between two looks at the folder [s]."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What a look has found; None for what could not be read."""
+
+    size: int | None  # of the recordings [bytes]
+    study: str | None
+
+
 class SessionFiles:
-    """The recordings that were written since a session has begun. ``clock``: time [s]."""
+    """The recordings since a session has begun, and its study. ``clock``: time [s]."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.size = 0  # as of the last look [bytes]
+        self.studies = "", ""  # text of the study at the first look and at the last one; empty for a built-in study
         self._clock = clock
         self._due = 0.0
         self._folder: Path | None = None
         self._before: Future[frozenset[str]] = Future()
         self._reader = ThreadPoolExecutor(1, "recordings")
-        self._coming: Future[int] | None = None
+        self._coming: Future[_Look] | None = None
+        self._study = Path()
+        self._first: Future[str | None] = Future()
 
-    def begin(self, folder: Path) -> None:
-        """Begin a session, whose recordings go to a folder."""
-        self.size, self._coming, self._folder = 0, None, folder
+    def begin(self, folder: Path, study: Path) -> None:
+        """Begin a session, whose recordings go to a folder; ``study``: its file, or the name of a built-in study."""
+        self.size, self.studies, self._coming, self._folder, self._study = 0, ("", ""), None, folder, study
         self._before = self._reader.submit(_names, folder)
+        self._first = self._reader.submit(_text, study)
 
     def poll(self) -> None:
-        """Take the result of a look, and have the next one done when it is due; after a disk error the size stays."""
+        """Take the result of a look, and have the next one done when it is due; after a disk error all stays."""
         if self._coming is not None and self._coming.done():
-            coming, self._coming = self._coming, None
-            with suppress(OSError):
-                self.size = coming.result()
+            look, self._coming = self._coming.result(), None
+            self.size = self.size if look.size is None else look.size
+            first = self._first.result()  # read before, by the same thread
+            if first is not None and look.study is not None:
+                self.studies = first, look.study
         if self._folder is not None and self._coming is None and self._clock() >= self._due:
             self._due = self._clock() + LOOK_S
-            self._coming = self._reader.submit(_size, self._folder, self._before)
+            self._coming = self._reader.submit(_look, self._folder, self._before, self._study)
 
     def close(self) -> None:
         """Look no more."""
@@ -48,6 +66,21 @@ def _recordings(folder: Path) -> list[Path]:
 
 def _names(folder: Path) -> frozenset[str]:
     return frozenset(path.name for path in _recordings(folder))
+
+
+def _look(folder: Path, before: Future[frozenset[str]], study: Path) -> _Look:
+    size = None
+    with suppress(OSError):
+        size = _size(folder, before)
+    return _Look(size, _text(study))
+
+
+def _text(study: Path) -> str | None:
+    """Return the text of a study; None if it cannot be read, empty if there is no such file."""
+    try:
+        return study.read_text(errors="replace") if study.is_file() else ""
+    except OSError:
+        return None
 
 
 def _size(folder: Path, before: Future[frozenset[str]]) -> int:
