@@ -5,9 +5,10 @@ from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
+from netboard.base import kernel_cache
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError
-from netboard.nodes.launching.kernels import _are_built_in, _are_over, _served
+from netboard.nodes.launching.kernels import _are_built_in, _are_over, _name_of, _served
 
 
 def test_worker_that_was_killed_is_an_error_in_words() -> None:
@@ -48,3 +49,17 @@ def test_agent_runs_with_its_own_device_and_once_as_each_robot_partner_of_the_bl
 def test_code_of_a_lab_is_looked_at_again_at_each_start(overrides: list[str], built_in: bool) -> None:
     config = parse("", overrides=overrides)
     assert _are_built_in(config, [config]) is built_in
+
+
+def test_session_is_looked_at_again_with_another_compiler_or_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache on a share serves several machines, and stays when numba is updated."""
+    config = parse("")
+    names = [_name_of(config, [config], [])]
+    for place in range(len(kernel_cache.compiler())):
+        other = [*kernel_cache.compiler()]
+        other[place] = "another"
+        with monkeypatch.context() as patch:
+            patch.setattr(kernel_cache, "compiler", lambda: tuple(other))  # noqa: B023
+            names.append(_name_of(config, [config], []))
+    assert len(set(names)) == len(names) == 1 + 5
+    assert _name_of(config, [config], []) == names[0]

@@ -33,6 +33,7 @@ from typing import IO, Any
 import numba
 from numba import types
 from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
 from netboard.base.compilation import compilation
@@ -142,6 +143,11 @@ _choose_folder()
 def folder() -> Path:
     """Return the cache folder of compiled code."""
     return Path(os.environ["NUMBA_CACHE_DIR"])
+
+
+def compiler() -> tuple[str, ...]:
+    """Return what compiles kernels here, and for which processor: those of others are not loaded."""
+    return (*cpu_target.target_context.codegen().magic_tuple(), numba.__version__, sys.version)
 
 
 class KernelCache:

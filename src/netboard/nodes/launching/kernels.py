@@ -67,8 +67,8 @@ def compile_kernels(config: Config, blocks: Sequence[Config], here: Sequence[Sid
 
 
 def _name_of(config: Config, blocks: Sequence[Config], here: Sequence[Side]) -> str:
-    """Return the name of the file that says that a session's kernels are in the cache."""
-    text = "\n".join((*here, *map(resolve, (config, *blocks))))
+    """Return the name of the file that says that a session's kernels are in the cache, for this CPU and compiler."""
+    text = "\n".join((*kernel_cache.compiler(), *here, *map(resolve, (config, *blocks))))
     return f"session-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
