@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.loading import load_readings
+from netboard.services.loading import load_readings, settings_text
 from netboard.services.options import Dask, NewFolder, Overrides, Recordings, SettingsFile, Workers, examples
 
 app = typer.Typer()
@@ -64,8 +64,9 @@ def analyse(
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
     chosen = analysing.AnalysisOptions(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
-    read = lambda: load_readings(settings, overrides)  # noqa: E731
+    text = settings_text(settings)  # once: the cached analysis is that of this text
+    read = lambda: load_readings(settings, overrides, text)  # noqa: E731
     console = plain_console(soft_wrap=True)
     with interrupted_by_stop_signals():
-        for line in analysing.analyse(recordings, output, settings, overrides or (), chosen, read):
+        for line in analysing.analyse(recordings, output, text, overrides or (), chosen, read):
             console.print(line)

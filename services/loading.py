@@ -48,14 +48,18 @@ def one_file(command: str, argument: Path | None, option: Path | None) -> Path |
     return option or argument
 
 
-def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readings":
-    """Read the settings of an analysis."""
+def settings_text(file: Path | None) -> str:
+    """Return the text of the settings of an analysis; empty for the defaults."""
+    if file is None:
+        return ""
+    return read_text(file, f"no such file; create it with: netboard analyse --template > {shell_command(file)}")
+
+
+def load_readings(file: Path | None, overrides: Sequence[str] | None, text: str | None = None) -> "Readings":
+    """Read the settings of an analysis; ``text``: of their file, if it was read before."""
     from netboard.analysis.extraction import settings  # imports the whole analysis
 
-    if file is None:
-        return settings.parse("", "defaults", overrides or ())
-    missing = f"no such file; create it with: netboard analyse --template > {shell_command(file)}"
-    return settings.parse(read_text(file, missing), str(file), overrides or ())
+    return settings.parse(settings_text(file) if text is None else text, str(file or "defaults"), overrides or ())
 
 
 def load_study(word: str, config: "Config | None" = None) -> "Study":

@@ -46,7 +46,7 @@ def test_analysis_on_a_cluster_starts_no_processes_here(
     monkeypatch.setattr(workers, "processes", counted)
     chosen = AnalysisOptions(dask="tcp://127.0.0.1:1", keep=False)
     with pytest.raises(KeyboardInterrupt, match=r"^1$"):
-        next(analyse(recordings, tmp_path / "out", None, (), chosen, Readings))
+        next(analyse(recordings, tmp_path / "out", "", (), chosen, Readings))
 
 
 @on_cluster

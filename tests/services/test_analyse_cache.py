@@ -72,6 +72,10 @@ def test_repeated_analysis_is_restored_from_the_cache_bit_for_bit(study: Path, m
     report = Path("again/report.html").read_text()
     assert "&lt;here&gt;" in report
     assert PLACEHOLDER not in report
+    missing = CliRunner().invoke(app, ["analyse", str(study), "-o", "unread", "--settings", "no.toml", "--cache=cache"])
+    assert missing.exit_code == 2
+    assert "no.toml: no such file" in missing.stderr  # not the cached analysis with the default settings
+    assert not Path("unread").exists()
     Path("again/tables/trials.csv").write_text("changed by somebody")  # a copy, not the cached file
     analyse(study, "-o", "third")
     assert contents("third") == contents("first")

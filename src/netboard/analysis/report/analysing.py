@@ -71,15 +71,15 @@ class AnalysisOptions:
 def analyse(
     named: Sequence[Path],
     output: Path | None,
-    settings: Path | None,
+    settings: str,
     overrides: Sequence[str],
     chosen: AnalysisOptions,
     read: "Callable[[], Readings]",
 ) -> Iterator[str]:
     """Analyse recordings into a new folder, named after the first unless given; yield what to say of it, line by line.
 
-    The settings are a file, or None for the defaults, with overrides. `read` reads them, only if the analysis is not in
-    the cache. The folder appears with the tables and the beginning of the report; the rest follows.
+    The settings are the text of a file, empty for the defaults, with overrides. `read` takes both apart, only if the
+    analysis is not in the cache. The folder appears with the tables and the beginning of the report; the rest follows.
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)
@@ -93,9 +93,8 @@ def analyse(
         (whole := scratch / "whole").mkdir()
         with telling() as tell:
             tell("reading the cache", 0, 1)
-            text = settings.read_bytes() if settings is not None and settings.is_file() else b""
             options = (*overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
-            key = key_of_analysis(recordings, text, options) if store else ""
+            key = key_of_analysis(recordings, settings.encode(), options) if store else ""
             words = restore_analysis(store, key, whole) if store else None
         if words is not None:
             name_command(whole, _command())
