@@ -2,13 +2,18 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from netboard.recording.files.example import copy_example
+
 ROOT = Path(__file__).parents[2]
+
+OPTIONAL = ("dask", "jinja2", "markupsafe", "matplotlib", "pandas", "pyarrow", "pynwb", "statsmodels")
 
 
 @pytest.fixture
@@ -28,9 +33,11 @@ def modules_of(service: str) -> list[str]:
     return [str(node.module) for node in imports if str(node.module).startswith("netboard.")]
 
 
-def run(environment: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:
+def run(environment: dict[str, str], *words: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, *words]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    return subprocess.run(
+        command, env=environment, cwd=folder, capture_output=True, text=True, check=False, timeout=240
+    )
 
 
 def test_server_agent_and_logger_need_no_qt(without_qt: dict[str, str]) -> None:
@@ -44,6 +51,26 @@ def test_window_says_what_to_install(without_qt: dict[str, str]) -> None:
     done = run(without_qt, "-m", "netboard.services.cli", "display", "--station", "left", "--offscreen")
     assert done.returncode == 2
     assert "needs PySide6-Essentials, which is not installed: pip install 'netboard[display]'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("analyse", "S01.mcap"),
+        ("cohort", "--studies", "1", "-o", "out"),
+        ("explain", "S01.mcap", "--trial", "1"),
+        ("export", "S01.mcap", "--to", "parquet", "-o", "out"),
+        ("export", "S01.mcap", "--to", "nwb", "-o", "out"),
+    ],
+)
+def test_command_says_which_libraries_to_install(words: tuple[str, ...], tmp_path: Path) -> None:
+    copy_example(tmp_path / "S01.mcap")
+    (tmp_path / "command.py").write_text(
+        f"import sys; sys.modules.update(dict.fromkeys({OPTIONAL}))\nfrom netboard.services.cli import main; main()"
+    )
+    done = run({**os.environ, "COLUMNS": "200"}, str(tmp_path / "command.py"), *words, folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert re.search(r"netboard: this needs \w+, which is not installed: pip install 'netboard\[", done.stderr)
 
 
 @pytest.mark.slow

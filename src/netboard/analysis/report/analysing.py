@@ -17,8 +17,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from markupsafe import escape
-
 from netboard.analysis.extraction.store import (
     Store,
     default_folder,
@@ -258,6 +256,8 @@ def _in_total(folder: Path, seconds: float, peak: float) -> str:
 
 def name_command(folder: Path, command: Sequence[str]) -> None:
     """Write the command into provenance and report; a word of it that has the placeholder's text is left as it is."""
+    from markupsafe import escape
+
     text = shlex.join(command)
     written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], "report.html": str(escape(visible(text)))}
     for name, shown in written.items():
