@@ -19,6 +19,7 @@ from netboard.services.options import (
     SessionOf,
     examples,
     partner_settings,
+    refuse_without_study,
 )
 from netboard.services.up import blocks_of_session
 
@@ -35,6 +36,7 @@ app = typer.Typer()
     )
 )
 def demo(
+    context: typer.Context,
     config: ConfigFile = None,
     overrides: Overrides = None,
     trials: Annotated[
@@ -59,6 +61,7 @@ def demo(
     blocks: Blocks = None,
 ) -> None:
     """Run a whole session on this machine, with simulated participants or with you as a player."""
+    refuse_without_study(context, study, "dyad", "blocks")
     if play and not displays:
         raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
     if play in ("left", "right") and bimanual:

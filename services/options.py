@@ -11,6 +11,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from netboard.base.errors import ConfigError
+
 Side = Literal["left", "right"]  # as in netboard.base.config, which takes too long to import here
 
 MOST_TRIALS, MOST_SEED = 10_000, 2**31 - 1
@@ -109,6 +111,16 @@ NewFolder = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FOLDER", help="New folder; default: named after the first recording."),
 ]
+
+
+def refuse_without_study(context: typer.Context, study: str | None, *names: str) -> None:
+    """Refuse given options that say which part of a study is run if there is no study, instead of ignoring them."""
+    sources = {name: context.get_parameter_source(name) for name in names}
+    given = [f"--{name}" for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    if study is None and given:
+        raise ConfigError(
+            f"{', '.join(given)}: found without --study; expected a study, or [session] and [block] in the settings"
+        )
 
 
 def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:

@@ -24,6 +24,7 @@ from netboard.services.options import (
     Trials,
     Yes,
     examples,
+    refuse_without_study,
 )
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ log = logging.getLogger(__name__)
     )
 )
 def server(
+    context: typer.Context,
     config: Annotated[
         list[Path] | None,
         typer.Option(
@@ -69,6 +71,7 @@ def server(
     confirmation: Confirmation = "",
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials."""
+    refuse_without_study(context, study, "dyad", "session", "seed", "blocks", "trials")
     settings = [load(file, overrides) for file in config or (None,)]
     _refuse_rigs(settings, insecure=insecure)
     if study is None and resume:

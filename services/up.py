@@ -29,6 +29,7 @@ from netboard.services.options import (
     Trials,
     Yes,
     examples,
+    refuse_without_study,
     settings_of,
 )
 
@@ -50,6 +51,7 @@ app = typer.Typer()
     )
 )
 def up(
+    context: typer.Context,
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The same as --config.")] = None,
     config: ConfigFile = None,
     station: Annotated[
@@ -81,6 +83,7 @@ def up(
     confirmation: Confirmation = "",
 ) -> None:
     """Start a whole session, and stop it in order on Ctrl-C; with --server or --station, only those processes."""
+    refuse_without_study(context, study, "dyad", "session", "seed", "blocks", "trials")
     config = one_file("up", file, config)
     settings = load(config, overrides)
     whole = not server and station is None

@@ -146,6 +146,22 @@ def test_study_needs_a_server_and_resuming_a_confirmation(words: str) -> None:
     assert "--resume: " in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("up --dyad 3 --trials 2 --offscreen", "--dyad, --trials"),
+        ("up --server --session 1 --seed 1", "--session, --seed"),
+        ("server --blocks 1", "--blocks"),
+        ("demo --dyad 1 --no-displays", "--dyad"),
+    ],
+)
+def test_part_of_a_study_is_not_named_without_the_study(words: str, named: str) -> None:
+    """It would be ignored: the recordings would be those of another dyad, and of all trials."""
+    result = CliRunner().invoke(app, words.split())
+    assert result.exit_code == 2
+    assert f"{named}: found without --study" in result.stderr
+
+
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
 def test_up_refuses_to_start_if_another_server_listens(transport: str) -> None:
     network = parse("", "test", (f"network.port={free_port()}", f"network.transport={transport}")).network
