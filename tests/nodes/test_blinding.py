@@ -12,6 +12,7 @@ from stepped_session import SteppedSession
 import rehearsed
 from made_network import noted_text
 from netboard.base.config import SIDES, Config, parse, resolve
+from netboard.base.device_kind import SEATED
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tables.questionnaires import ANSWERS, PERSON_FORM, Form, packed
 from netboard.devices.simulated.partner import RobotPartner
@@ -63,7 +64,7 @@ def partner_device(kind: str, config: Config) -> Hello:
     config = replace(config, agents=replace(config.agents, right=agent))
     device = RobotPartner("right", config)
     device.open()
-    hello = introduction("right", config, device.info, device.identity)
+    hello = introduction("right", config, device.info, {**device.identity, SEATED: "true"})
     device.close()
     return replace(hello, name="station:17", protocol=1, version="1.0")
 
@@ -300,3 +301,22 @@ def test_events_about_forms_have_no_line_in_a_session_with_a_blinded_block(
         events.any_blinded = hidden
         events.note(1, name, {"station": "left", "block": "1", "complete": "false"})
         assert (f"{name} station=left" in caplog.text) is not hidden
+
+
+@pytest.mark.parametrize("blinded", [True, False])
+def test_block_of_a_person_waits_until_the_agent_serves_its_own_device_again(tmp_path: Path, blinded: bool) -> None:
+    """Else it would begin with the robot partner of the block before, and operators would see that there was one."""
+    study = STUDY.format(kind=PERSON, blinded=str(blinded).lower())
+    with sockets.open_context() as context:
+        session = SteppedSession(tmp_path, context, study=study)
+        state = session.state
+        state.ports.motion.expire = lambda now_ns: None  # type: ignore[method-assign]
+        _join(session, partner_device("leader", state.block.config))
+        words = "the right agent" + " to return to its own device" * (not blinded)
+        assert words in state.find_missing()
+        assert not [one for one in (*state.shown_stand_ins(), *state.find_stand_ins()) if "right" in one]
+        own = own_device("right")
+        _join(session, replace(own, details={**own.details, "kind": "simulated"}))
+        assert words not in state.find_missing()
+        assert "right device simulated" in state.shown_stand_ins()
+        session.close()

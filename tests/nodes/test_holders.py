@@ -9,6 +9,7 @@ import pytest
 
 from made_network import noted_text
 from netboard.base.config import Config, parse, resolve
+from netboard.base.device_kind import SEATED
 from netboard.base.errors import ConfigError
 from netboard.devices.simulated.partner import RobotPartner
 from netboard.devices.simulated.virtual import VirtualTouch
@@ -71,6 +72,10 @@ def test_agent_introduces_the_partner_that_holds_its_device(chosen: Callable[...
     details = introduction("right", partner.config, partner.device.info, partner.identity).details
     assert (details["device"], details["kind"], details["partner"]) == ("partner", "robot", "robot")
     assert details["policy"] == "simulated participant"
+    assert details[SEATED] == "true"
+    own = chosen("person")
+    assert own is not None
+    assert SEATED not in introduction("right", own.config, own.device.info, own.identity).details
 
 
 def test_partner_has_the_parameters_of_the_block(chosen: Callable[..., Holder | None]) -> None:

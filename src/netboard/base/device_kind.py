@@ -62,6 +62,9 @@ agents did."""
 HIDDEN, HIDDEN_TEXT = "hidden", "not shown, because the block is blinded"
 """Kind and text of what each hand holds in a blinded block."""
 
+SEATED = "seated"
+"""Detail of an agent whose stylus the robot partner of a block holds: its own device comes back with another block."""
+
 UNMEASURED = {"profile_calibrated": "never calibrated", "profile_identified": "mass not identified"}
 """Details of an agent that say when its device was measured, each with the text where it never was."""
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 from netboard.base.config import Config, Side
+from netboard.base.device_kind import SEATED
 from netboard.base.errors import NetboardError
 from netboard.base.process.realtime import beside_loop
 from netboard.base.tables.experiment import PERSON, STILL
@@ -54,11 +55,13 @@ class Holder(NamedTuple):
     device: Device
     source: StylusSource | None
     safety: SafetyChain
+    seated: bool = False  # whether it is the robot partner of a block, and not the agent's own device
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """What is recorded of the policy that moves the stylus; empty for a person."""
-        return {} if self.source is None else self.source.identity
+        """What is recorded of the policy that moves the stylus, and whether it is that of a block; empty for a person."""
+        policy = {} if self.source is None else self.source.identity
+        return {**policy, SEATED: "true"} if self.seated else policy
 
 
 def holder_of(config: Config, device: Device, source: StylusSource | None) -> Holder:
@@ -132,4 +135,5 @@ class Holders:
         config = replace(config, agents=agents)
         device = RobotPartner(self._side, config)
         device.open()
-        return holder_of(config, device, PartnerSource(config, device, self._context, channels.PARTNER[self._side]))
+        source = PartnerSource(config, device, self._context, channels.PARTNER[self._side])
+        return holder_of(config, device, source)._replace(seated=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
-from netboard.base.device_kind import DeviceKind, held_by
+from netboard.base.device_kind import SEATED, DeviceKind, held_by
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tick import STATE, TICK, TICK_NS
 from netboard.network.transport import sockets
@@ -134,7 +134,7 @@ class SessionState:
 
     def find_stand_ins(self) -> tuple[str, ...]:
         """Return what stands in for a haptic device or a screen now, in the words that confirm it."""
-        return self._stand_ins_for({side: self._details[side] for side in self.block.people if side in self._details})
+        return self._stand_ins_for({side: one for side, one in self._details.items() if side in self.block.people})
 
     def shown_stand_ins(self) -> tuple[str, ...]:
         """Return the stand-ins that operators see, and must confirm.
@@ -154,14 +154,14 @@ class SessionState:
 
     @property
     def _details(self) -> dict[Side, Mapping[str, str]]:
-        """What the connected agents say of their devices."""
-        agents = self.ports.motion.agents.items()
-        return {side: agent.hello.details for side, agent in agents if agent.hello is not None}
+        """What the connected agents say of their own devices; not of robot partners, which blocks seat and release."""
+        found = {side: agent.hello.details for side, agent in self.ports.motion.agents.items() if agent.hello}
+        return {side: details for side, details in found.items() if SEATED not in details}
 
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now, log = now_ns(), self.ports.log
-        lacking = [*self.ports.motion.find_missing(now, self.block.moved), *self._missing_partners()]
+        lacking = [*self.ports.motion.find_missing(now, self.block.moved), *self._missing_holders()]
         lacking += self.block.latency.missing
         if self.block.config.network.require_logger and not log.loggers:
             lacking.append("the logger")
@@ -175,9 +175,13 @@ class SessionState:
             lacking.append(REST)
         return tuple(lacking)
 
-    def _missing_partners(self) -> Iterator[str]:
-        """Yield the robot partners of the block that the agents at their sides do not hold yet, or not as here."""
+    def _missing_holders(self) -> Iterator[str]:
+        """Yield the agents that do not serve yet what the block has at their sides: a robot partner, or a person."""
         blinded = self.block.config.block.blinded
+        for side in self.block.people:
+            agent = self.ports.motion.agents[side].hello
+            if agent is not None and SEATED in agent.details:
+                yield f"the {side} agent{'' if blinded else ' to return to its own device'}"
         for side, sha256 in self.block.partners.items():
             wanted, hello = getattr(self.block.config.block, side), self.ports.motion.agents[side].hello
             if hello is None:
