@@ -124,7 +124,7 @@ def test_screen_settings_come_from_the_displays_own_configuration(rig):
     rig.welcome(replace(Config(), display=theirs))
     assert rig.client.config.display == local_config(rig.port).display
     assert rig.shows(PictureState.LEVEL, phase="levelling")
-    assert rig.window.board.picture.headline == "Hold the board level"
+    assert rig.window.board.picture.headline == "Hold the board level and still"
     assert rig.window.board.picture.patch is None
 
 

@@ -31,13 +31,13 @@ def test_times_and_texts_appear_between_trials_only():
 
 def test_numbers_use_the_decimal_mark_of_the_language():
     german = shown(words=load_words("de"), phase="levelling", completion=3.416)
-    assert (german.headline, german.detail) == ("Halten Sie das Brett waagerecht", "Zuletzt 3,42 s")
+    assert (german.headline, german.detail) == ("Halten Sie das Brett waagerecht und ruhig", "Zuletzt 3,42 s")
 
 
 def test_success_screen_shows_the_time_and_the_next_step():
     picture = shown(phase="levelling", result="succeeded", completion=3.4, best=2.9)
     assert (picture.headline, picture.detail) == ("Well done", "Last 3.40 s   (best 2.90 s)")
-    assert picture.notice == "Hold the board level"
+    assert picture.notice == "Hold the board level and still"
     assert picture.colours.headline == COLOURS[PictureState.SUCCESS].headline
     best = shown(phase="levelling", result="succeeded", completion=2.9, best=2.9)
     assert best.detail == "2.90 s   Your best time so far"
