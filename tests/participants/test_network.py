@@ -74,7 +74,7 @@ def test_derivatives_agree_with_differences() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"weights.json: expected a file of weights of netboard train; it is not JSON"),
+        ("", r"weights.json: expected the weights.json that netboard train writes; it is not JSON"),
         (made_text()[:-30], r"is not JSON, or was cut off"),
         ("[1, 2]", r"which begins with \"format\""),
         ('{"format": "another"}', r"which begins with \"format\""),
@@ -100,11 +100,11 @@ def test_file_that_is_not_one_is_refused_in_words(text: str, message: str) -> No
 
 
 def test_file_that_cannot_be_read_is_refused_in_words(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"no such file; expected the weights.json of netboard train, or learned"):
+    with pytest.raises(ConfigError, match=r"no such file; expected the weights.json that netboard train writes, or l"):
         read_weights(str(tmp_path / "none.json"))
     binary = tmp_path / "pickle.json"
     binary.write_bytes(b"\x80\x04\x95\x00")
-    with pytest.raises(ConfigError, match=r"is not UTF-8"):
+    with pytest.raises(ConfigError, match=r"is not UTF-8; expected the weights.json that netboard train writes, or l"):
         read_weights(str(binary))
 
 

@@ -27,18 +27,19 @@ class Evaluation:
     """Results beside held-out participants, with haptic feedback.
 
     ``trials``: attempts. ``finished``: share of them completed within `LONGEST` [1]. ``failures``: the ball fell.
-    ``seconds``, ``pair_seconds``: mean completion time of the partner's trials, and of pairs of the participants [s].
+    ``seconds``, ``pair_seconds``: mean completion time of the partner's trials, and of pairs of the participants; None
+    if no trial was completed [s].
     """
 
     participants: int
     trials: int
     finished: float
     failures: int
-    seconds: float
-    longest_seconds: float
+    seconds: float | None
+    longest_seconds: float | None
     pair_trials: int
     pair_finished: float
-    pair_seconds: float
+    pair_seconds: float | None
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as a card has it, rounded."""
@@ -46,12 +47,13 @@ class Evaluation:
 
     def lines(self) -> tuple[str, ...]:
         """Return it in words."""
+        longest = "" if self.longest_seconds is None else f", longest {self.longest_seconds:.2f} s"
         return (
             f"{self.finished:.1%} of {self.trials} trials beside {self.participants} held-out participants were"
             f" finished within {LONGEST:g} s; {self.failures} falls",
-            f"mean completion time {self.seconds:.2f} s, longest {self.longest_seconds:.2f} s",
+            _mean_in_words(self.seconds) + longest,
             f"pairs of the same participants: {self.pair_finished:.1%} of {self.pair_trials} trials,"
-            f" mean completion time {self.pair_seconds:.2f} s",
+            f" {_mean_in_words(self.pair_seconds)}",
         )
 
 
@@ -69,18 +71,28 @@ def evaluate(weights: Path | str, people: Sequence[Participant], config: Config,
     for summary in _pairs(people, config, trials):
         pairs.append(summary)
         tell("evaluation", len(own) + len(pairs), total)
+    return evaluation_of(len(people), own, pairs)
+
+
+def _mean_in_words(seconds: float | None) -> str:
+    """Return a mean completion time in words."""
+    return "no trial was completed" if seconds is None else f"mean completion time {seconds:.2f} s"
+
+
+def evaluation_of(participants: int, own: Sequence[BlockSummary], pairs: Sequence[BlockSummary]) -> Evaluation:
+    """Return the results of the partner's blocks, and of the blocks of pairs of the same participants."""
     times = [time for block in own for time in block.completions]
     pair_times = [time for block in pairs for time in block.completions]
     return Evaluation(
-        participants=len(people),
+        participants=participants,
         trials=_attempts(own),
         finished=_finished(own),
         failures=sum(block.failures for block in own),
-        seconds=fmean(times) if times else float("nan"),
-        longest_seconds=max(times, default=float("nan")),
+        seconds=fmean(times) if times else None,
+        longest_seconds=max(times, default=None),
         pair_trials=_attempts(pairs),
         pair_finished=_finished(pairs),
-        pair_seconds=fmean(pair_times) if pair_times else float("nan"),
+        pair_seconds=fmean(pair_times) if pair_times else None,
     )
 
 

@@ -17,18 +17,24 @@ LONGEST = 4_000_000
 """Largest size of a text [bytes]; thousands of recordings fit the manifest of an import."""
 
 
-def read_text(path: Path | str, missing: str = "cannot be read: No such file or directory") -> str:
+SAVE_AS_UTF8 = "save the file as UTF-8 in the program that made it"
+"""What to do about a file that is not UTF-8, where a person has written it."""
+
+
+def read_text(
+    path: Path | str, missing: str = "cannot be read: No such file or directory", not_utf8: str = SAVE_AS_UTF8
+) -> str:
     """Return a text; raise `ConfigError` for one that cannot be read, or that has no end, as ``/dev/zero`` has none.
 
-    ``missing``: what to say of a file that does not exist.
+    ``missing``: what to say of a file that does not exist; ``not_utf8``: what to do about one that is not UTF-8.
     """
-    text = find_text(Path(path))
+    text = find_text(Path(path), not_utf8)
     if text is None:
         raise ConfigError(f"{path}: {missing}")
     return text
 
 
-def find_text(path: Path) -> str | None:
+def find_text(path: Path, not_utf8: str = SAVE_AS_UTF8) -> str | None:
     """Return a text as `read_text`, or None if the file does not exist."""
     with _readable(path):
         try:
@@ -39,11 +45,11 @@ def find_text(path: Path) -> str | None:
         if len(data) > LONGEST:
             raise OSError(errno.EFBIG, f"File too large, expected at most {LONGEST} bytes", str(path))
     if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) or b"\0" in data:
-        raise ConfigError(_not_utf8(path, data[: data.find(b"\0")].count(b"\n") + 1))
+        raise ConfigError(_not_utf8(path, data[: data.find(b"\0")].count(b"\n") + 1, not_utf8))
     try:
         text = data.removeprefix(BOM_UTF8).decode()
     except UnicodeDecodeError:
-        raise ConfigError(_not_utf8(path, _first_wrong(data.splitlines()))) from None
+        raise ConfigError(_not_utf8(path, _first_wrong(data.splitlines()), not_utf8)) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -79,6 +85,6 @@ def _first_wrong(lines: Iterable[bytes]) -> int:
     raise ValueError("every line is UTF-8")
 
 
-def _not_utf8(path: Path, line: int) -> str:
+def _not_utf8(path: Path, line: int, what_to_do: str = SAVE_AS_UTF8) -> str:
     """Say that a file is no text in UTF-8, and what to do."""
-    return f"{path}: line {line}: is not UTF-8; save the file as UTF-8 in the program that made it"
+    return f"{path}: line {line}: is not UTF-8; {what_to_do}"

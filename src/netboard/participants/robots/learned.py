@@ -170,10 +170,11 @@ def read_weights(source: str) -> tuple[TrainedNetwork, str]:
     ConfigError
         If it cannot be read, or is not one.
     """
-    missing = f"no such file; expected the weights.json of netboard train, or {PACKAGED}"
+    expected = f"expected the weights.json that netboard train writes, or {PACKAGED}"
     packaged = files(__package__) / f"{PACKAGED}.json"
-    text = packaged.read_text(encoding="utf-8") if source == PACKAGED else read_text(source, missing)
-    return _parsed(text, source)
+    if source == PACKAGED:
+        return _parsed(packaged.read_text(encoding="utf-8"), source)
+    return _parsed(read_text(source, f"no such file; {expected}", expected), source)
 
 
 @lru_cache(maxsize=4)

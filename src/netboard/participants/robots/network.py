@@ -134,7 +134,7 @@ def parse_network(text: str, source: str, inputs: Sequence[Input], period: int) 
 
 def _object_of(text: str, source: str) -> dict[str, Any]:
     """Return the object in a file of weights."""
-    wanted = "expected a file of weights of netboard train"
+    wanted = "expected the weights.json that netboard train writes"
     try:
         found = parse_json(text)
     except ValueError as error:
