@@ -21,6 +21,7 @@ from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.launcher import UNBUFFERED, Launcher
 from netboard.nodes.operator.operator import Operator
+from netboard.nodes.operator.standstill import Standstill
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
 from netboard.recording.integrity.verification import verify_recording
@@ -130,7 +131,7 @@ def play(
                 options = (*(displays or ()), "--screenshot", picture, "--after", str(SCREENSHOT_DELAY_S))
                 launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *options)
         operator = Operator(config.network, context)
-        end = watch(operator, launcher, stopping, bool(played))
+        end = watch(operator, launcher, stopping, Standstill(logs), played=bool(played), attended=displays is not None)
         if end is BlockEnd.LEFT:
             await_server(operator)
         session = "" if operator.status is None else operator.status.session
@@ -146,8 +147,19 @@ def play(
     return session, not trouble
 
 
-def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> BlockEnd:
-    """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C."""
+def watch(
+    operator: Operator,
+    launcher: Launcher,
+    stopping: Callable[[], bool],
+    standstill: Standstill,
+    *,
+    played: bool,
+    attended: bool,
+) -> BlockEnd:
+    """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C.
+
+    ``attended``: a person may watch, so a session that stands still is reported, and does not end by itself.
+    """
     answered = time.monotonic()
     with progress_bars(console, MofNCompleteColumn()) as progress:
         task = progress.add_task("starting", total=None)
@@ -171,6 +183,12 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
             progress.update(task, completed=status.successes, total=status.trials, description=f"{line:48.48s}")
             if status.phase == "finished" and status.block == status.blocks:
                 return BlockEnd.FINISHED
+            standstill.add(status, answered)
+            if news := standstill.news(answered):
+                console.print(news, style="yellow", soft_wrap=True)
+            if not attended and (verdict := standstill.verdict(answered)):
+                console.print(verdict, style="red", soft_wrap=True)
+                return BlockEnd.FAILED
             time.sleep(ANSWER_SECONDS)
     if played:
         return BlockEnd.LEFT
