@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import wait
 from errno import ESTALE
 from pathlib import Path
 from threading import current_thread
@@ -16,6 +17,7 @@ from netboard.network.transport.ports import free_port
 from netboard.services.loading import load, load_study
 from netboard.windows.launcher.control import FileReaders, LauncherControl, LauncherMemory, SessionChoice
 from netboard.windows.launcher.model import LaunchStage, badge, rows
+from netboard.windows.launcher.session_files import FILE_LOOK_S, FileLooks
 from script_launcher import SLOW_STOP, ScriptLauncher
 
 SECONDS = 30.0
@@ -196,6 +198,60 @@ def test_disk_error_keeps_the_launcher_neither_from_starting_nor_from_stopping(
     until(control, lambda: control.facts().on_disk == size and control._files._due > begun)
     assert control._stop_ns
     control.end_all()
+
+
+def test_window_thread_reads_nothing_of_a_running_session(
+    control: LauncherControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder of the logs and the study may be on a slow disk, and this thread has the emergency stop to handle."""
+    from netboard.task.studies import library
+
+    Path("study.toml").write_text(library.text_of("pilot"))
+    control.choose(SessionChoice("rig.toml", "study.toml"))
+    control.start()
+    until(control, lambda: control.stage is LaunchStage.RUNNING)
+    readers: dict[str, set[str]] = {}
+    stat = Path.stat
+
+    def noted(path: Path, **how: bool) -> os.stat_result:
+        readers.setdefault(path.name, set()).add(current_thread().name)
+        return stat(path, **how)
+
+    for name in ("LOOK_S", "FILE_LOOK_S"):
+        monkeypatch.setattr(f"netboard.windows.launcher.session_files.{name}", 0.0)
+    monkeypatch.setattr(Path, "stat", noted)
+    until(control, lambda: "on" in control.shown_log_of("server"))
+    until(control, lambda: control.facts() and {"study.toml", "server.log", "left-agent.log"} <= readers.keys())
+    monkeypatch.setattr(Path, "stat", stat)
+    assert [name for name, threads in readers.items() if "MainThread" in threads] == []
+    assert control.processes["server"].log_bytes == len("on\n")
+    control.end_all()
+
+
+def test_look_at_files_keeps_what_was_found_before_a_disk_error() -> None:
+    found: list[int] = []
+
+    def read() -> int:
+        found.append(len(found) + 1)
+        if found[-1] == 2:
+            raise OSError(ESTALE, os.strerror(ESTALE))
+        return found[-1]
+
+    now = [0.0]
+    looks = FileLooks(lambda: now[0])
+
+    def look() -> int:
+        shown = looks.newest("a", read, 0)
+        wait(looks._coming.values())
+        return shown
+
+    assert (look(), look(), look()) == (0, 1, 1)
+    assert found == [1], "not before the time"
+    now[0] += FILE_LOOK_S
+    assert (look(), look()) == (1, 1)
+    now[0] += FILE_LOOK_S
+    assert (look(), look()) == (1, 3)
+    looks.close()
 
 
 @pytest.mark.parametrize(
@@ -549,6 +605,51 @@ def test_study_that_is_not_shown_is_not_overwritten(window) -> None:
     window.study._begin("paper")
     press(window, "Ctrl+S")
     assert Path("own.toml").read_text().endswith("# mine")
+
+
+def test_page_follows_the_study_that_is_chosen(window, control: LauncherControl) -> None:
+    from netboard.task.studies import library
+
+    page = window.study
+    Path("own.toml").write_text(library.text_of("pilot") + "# mine\n")
+    window.choose(SessionChoice("rig.toml", "own.toml"))
+    assert page.editor.toPlainText().endswith("# mine\n")
+    assert page.path.text() == "own.toml"
+    window.choose(SessionChoice("rig.toml", "paper"))
+    assert page.editor.toPlainText() == library.text_of("paper")
+    window.choose(SessionChoice("rig.toml", "none.toml"))
+    assert (page.editor.toPlainText(), page.problem.text()) == ("", "none.toml: no such study")
+    window.choose(SessionChoice("rig.toml", "own.toml"))
+    assert page.editor.toPlainText().endswith("# mine\n")
+
+
+def test_page_keeps_a_text_that_is_not_saved_when_another_study_is_chosen(window, control: LauncherControl) -> None:
+    page = window.study
+    page.editor.appendPlainText("# not saved")
+    window.choose(SessionChoice("rig.toml", "pilot"))
+    assert control.choice.study == "pilot"
+    assert page.editor.toPlainText().endswith("# not saved")
+    assert "The page Study still shows a text that is not saved, not pilot." in said(control)
+    page.path.setText("mine.toml")
+    page.save()
+    assert control.choice.study == "mine.toml"
+    window.choose(SessionChoice("rig.toml", "pilot"))
+    assert "# not saved" not in page.editor.toPlainText()
+
+
+@pytest.mark.parametrize(("height", "least"), [(900, 8.0), (2160, 20.0)])
+def test_arrow_of_a_choice_grows_with_the_letters(window, app, height: int, least: float) -> None:
+    window.resize(height * 16 // 9, height)
+    press(window, "Ctrl+3")
+    app.processEvents()
+    box = window.study.part
+    area = box.arrow_area()
+    assert area.width() >= least
+    assert box.rect().toRectF().contains(area)
+    picture = box.grab().toImage()
+    middle = area.center()
+    assert picture.pixelColor(middle.toPoint()) == box.palette().buttonText().color()
+    assert picture.pixelColor(int(middle.x()), int(area.top()) - 3) != box.palette().buttonText().color()
 
 
 def test_choice_is_taken_from_the_form(window, control: LauncherControl) -> None:

@@ -94,6 +94,8 @@ QLineEdit, QComboBox, QPlainTextEdit, QTableView {{ background: {theme.panel}; b
     selection-color: {theme.on_selected}; placeholder-text-color: {theme.quiet}; }}
 QComboBox QAbstractItemView {{ background: {theme.panel}; selection-background-color: {theme.selected};
     selection-color: {theme.on_selected}; }}
+QComboBox::drop-down {{ border: none; width: {round(1.4 * base)}px; }}
+QComboBox::down-arrow {{ image: none; }}
 QScrollBar {{ background: {theme.panel}; }}
 QScrollBar:vertical {{ width: {wide}px; }}
 QScrollBar:horizontal {{ height: {wide}px; }}

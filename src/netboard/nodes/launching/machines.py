@@ -5,7 +5,7 @@
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol, Self
@@ -49,13 +49,19 @@ class LocalMachine:
     """Processes on this machine. On leaving, ends what still runs, in the order of `netboard.nodes.operator.launcher`.
 
     ``commands``: the command of each process that may be started, by name. ``launcher``: has a folder for their logs.
+    ``size_of``: returns the size of a running process's log, which may be that of a moment ago; default: the size now.
     """
 
     trouble = ""
 
-    def __init__(self, commands: Mapping[str, Sequence[str]], launcher: Launcher) -> None:
+    def __init__(
+        self,
+        commands: Mapping[str, Sequence[str]],
+        launcher: Launcher,
+        size_of: Callable[[Path], int] | None = None,
+    ) -> None:
         self.commands: Mapping[str, Sequence[str]] = commands
-        self._launcher = launcher
+        self._launcher, self._size_of = launcher, size_of or log_size
         self._statuses: dict[str, ProcessStatus] = {}
         self._began: dict[str, float] = {}
         self._kill_at: dict[str, float] = {}
@@ -101,8 +107,9 @@ class LocalMachine:
             code = self._launcher.code(name)
             asked = name in self._kill_at
             phase = ("stopping" if asked else "running") if code is None else ("stopped" if asked else "ended")
+            size = (self._size_of if code is None else log_size)(self.log_of(name))
             self._statuses[name] = self._statuses[name]._replace(
-                phase=phase, code=code, seconds=now - self._began[name], log_bytes=self._log_bytes(name)
+                phase=phase, code=code, seconds=now - self._began[name], log_bytes=size
             )
             if code is not None:
                 self._launcher.forget(name)
@@ -110,12 +117,7 @@ class LocalMachine:
 
     def tail(self, name: str) -> str:
         """Return the end of a process's log."""
-        path = self.log_of(name)
-        if not path.exists():
-            return ""
-        with path.open("rb") as log:
-            log.seek(max(0, path.stat().st_size - TAIL_BYTES))
-            return log.read().decode(errors="replace")
+        return log_tail(self.log_of(name))
 
     def log_of(self, name: str) -> Path:
         """Return the file of a process's log."""
@@ -123,9 +125,19 @@ class LocalMachine:
         assert path is not None
         return path
 
-    def _log_bytes(self, name: str) -> int:
-        path = self.log_of(name)
-        return path.stat().st_size if path.exists() else 0
+
+def log_size(path: Path) -> int:
+    """Return the size of a log; 0 if there is none yet [bytes]."""
+    return path.stat().st_size if path.exists() else 0
+
+
+def log_tail(path: Path) -> str:
+    """Return the end of a log."""
+    if not path.exists():
+        return ""
+    with path.open("rb") as log:
+        log.seek(max(0, path.stat().st_size - TAIL_BYTES))
+        return log.read().decode(errors="replace")
 
 
 def device_conflict(name: str, processes: Mapping[str, ProcessStatus]) -> str:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +22,14 @@ from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.terminal.shell import shell_command
 from netboard.network.protocol.station import ProcessStatus
 from netboard.network.transport import sockets
-from netboard.nodes.launching.machines import LocalMachine, SessionMachine, device_conflict, log_folder
+from netboard.nodes.launching.machines import (
+    LocalMachine,
+    SessionMachine,
+    device_conflict,
+    log_folder,
+    log_size,
+    log_tail,
+)
 from netboard.nodes.launching.programs import command_of, process_name, session_commands
 from netboard.nodes.launching.remote import RemoteMachine
 from netboard.nodes.launching.session import LaunchedSession, UnaskedEnd
@@ -32,7 +40,7 @@ from netboard.nodes.ports.emergency import AWAITING_RELEASE, STOP
 from netboard.nodes.server.planned import Planned, StudySession
 from netboard.task.studies.study import Study
 from netboard.windows.launcher.model import LaunchFacts, LaunchStage, Notices, edited_while_running
-from netboard.windows.launcher.session_files import SessionFiles
+from netboard.windows.launcher.session_files import FileLooks, SessionFiles
 
 PREPARATION, CHECK, ANALYSIS = "preparation", "check", "analysis"
 CONFIRM_NS = 500_000_000
@@ -96,7 +104,7 @@ class LauncherControl:
         self._session: LaunchedSession | None = None
         self._operator: Operator | None = None
         self._heard_ns = self._stop_ns = 0
-        self._files = SessionFiles()
+        self._files, self._looks = SessionFiles(), FileLooks()
         self._edited = False  # whether an edit of the study was explained
         self.choose(choice)
 
@@ -130,7 +138,15 @@ class LauncherControl:
         return [side for side in SIDES if not self.config.stations.of(side)]
 
     def commands(self) -> dict[str, list[str]]:
-        """Return the commands that this machine runs, by process: those of the session, then tasks."""
+        """Return the commands that this machine runs, by process: those of the session, then tasks.
+
+        It looks for the folder of the next analysis.
+        """
+        recordings, results = self.config.recording.directory, str(self.results)
+        return self._commands() | {ANALYSIS: command_of(ANALYSIS, "", (), recordings=recordings, results=results)}
+
+    def _commands(self) -> dict[str, list[str]]:
+        """Return all of these but the analysis, without a look at the disk."""
         settings = ["-c", self.choice.rig] if self.choice.rig else []
         study = self.wanted.options if self.choice.study else []
         resume = ["--resume", "--yes"] * self.choice.resume
@@ -149,7 +165,6 @@ class LauncherControl:
             found[process_name("device test", side)] = command_of("device test", side, settings)
         recordings = self.config.recording.directory
         found[CHECK] = command_of(CHECK, "", (), recordings=recordings)
-        found[ANALYSIS] = command_of(ANALYSIS, "", (), recordings=recordings, results=str(self.results))
         return found
 
     @property
@@ -253,6 +268,7 @@ class LauncherControl:
         """Close all connections; what still runs here is ended."""
         self._leave_server()
         self._files.close()
+        self._looks.close()
         if self._local is not None:
             self._local.__exit__()
         self._forget_stations()
@@ -271,7 +287,7 @@ class LauncherControl:
     @property
     def tasks(self) -> Mapping[str, str]:
         """The machine of each task."""
-        local = [name for name in self.commands() if name not in self.places]
+        local = [name for name in (*self._commands(), ANALYSIS) if name not in self.places]
         stations = [side for side in SIDES if side not in self.here]
         far = {f"{side} {task}": f"{side} station" for side in stations for task in ("doctor", "device test")}
         return dict.fromkeys(local, HERE) | far
@@ -313,16 +329,24 @@ class LauncherControl:
                 self.say(str(error), stays=True)
 
     def log_of(self, name: str) -> str:
-        """Return the end of a process's log."""
+        """Return the end of a process's log as it is now."""
+        machine = self._machine_with(name)
+        return "" if machine is None else machine.tail(name)
+
+    def shown_log_of(self, name: str) -> str:
+        """Return the end of a process's log as of the last look, which delays nothing."""
         for machine in self._machines.values():
             if isinstance(machine, RemoteMachine):
                 machine.watched = name if name in machine.processes else ""
-        found = [machine for machine in self._machines.values() if name in machine.processes]
-        return found[0].tail(name) if found else ""
+        found = self._machine_with(name)
+        if isinstance(found, LocalMachine):
+            path = found.log_of(name)
+            return self._looks.newest(("end", path), partial(log_tail, path), "")
+        return "" if found is None else found.tail(name)
 
     def command_line(self, name: str) -> str:
         """Return the command that does the same as a button."""
-        command = self.commands().get(name)
+        command = (self.commands() if name == ANALYSIS else self._commands()).get(name)
         return (
             f"done by the service at the {self.tasks.get(name) or self.places[name]}"
             if command is None
@@ -340,6 +364,14 @@ class LauncherControl:
         local: dict[str, SessionMachine] = {} if self._local is None else {HERE: self._local}
         return local | dict(self._stations)
 
+    def _machine_with(self, name: str) -> SessionMachine | None:
+        """Return the machine on which a process was started; None if it was not."""
+        return next((machine for machine in self._machines.values() if name in machine.processes), None)
+
+    def _log_size(self, path: Path) -> int:
+        """Return the size of a log as of the last look [bytes]."""
+        return self._looks.newest(("size", path), partial(log_size, path), 0)
+
     def _machine_of(self, name: str) -> SessionMachine:
         """Return the machine on which a process runs, ready to start it."""
         place = {**self.tasks, **self.places}[name]
@@ -352,7 +384,7 @@ class LauncherControl:
             self._local.commands = self.commands()  # each analysis has a folder of its own
         else:
             folder = log_folder(Path(self.config.recording.directory), "launch")
-            self._local = LocalMachine(self.commands(), self._launcher(folder, UNBUFFERED))
+            self._local = LocalMachine(self.commands(), self._launcher(folder, UNBUFFERED), self._log_size)
         return self._local
 
     def _ask_to_stop(self, name: str) -> None:

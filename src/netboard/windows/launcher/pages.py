@@ -46,7 +46,7 @@ from netboard.windows.launcher.study_form import (
     with_part,
     without_part,
 )
-from netboard.windows.launcher.widgets import DeclaredForm
+from netboard.windows.launcher.widgets import ChoiceBox, DeclaredForm
 from netboard.windows.operator.words import Tone
 
 WHOLE_TEXT = "the whole text"
@@ -97,7 +97,7 @@ class RigPage(QWidget):
         self._file = EditedFile()
         self.path = QLineEdit()
         self.path.setPlaceholderText("file of the rig, such as rig.toml")
-        self.tables = QComboBox()
+        self.tables = ChoiceBox()
         self._tables = form_tables()
         self.tables.addItems([table.name for table in self._tables])
         self.about = QLabel()
@@ -162,16 +162,16 @@ class StudyPage(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._file = EditedFile()
-        self.start_from = QComboBox()
+        self.start_from = ChoiceBox()
         self.start_from.addItems(["start from ...", library.TEMPLATE, *library.names()])
         self.path = QLineEdit("study.toml")
         self.editor = QPlainTextEdit()
         self.editor.setTabChangesFocus(True)
-        self.part, self.table = QComboBox(), QComboBox()
+        self.part, self.table = ChoiceBox(), QComboBox()
         self.part.addItem(WHOLE_TEXT)
         self._parts: tuple[StudyPart, ...] = ()
         self._collections: tuple[Collection, ...] = ()
-        self.collection, self.new_name = QComboBox(), QLineEdit()
+        self.collection, self.new_name = ChoiceBox(), QLineEdit()
         self.new_name.setPlaceholderText("name of a new part")
         self.add_button, self.remove_button = QPushButton("Add"), QPushButton("Remove")
         self.add_button.setEnabled(False)
@@ -212,7 +212,17 @@ class StudyPage(QWidget):
             self._file.show(None if named else Path(study), text)
             self._show_form()
         except ConfigError as error:
+            self.editor.setPlainText("")  # that of another study would be taken for this one
             self.problem.setText(str(error))
+
+    def follow(self, study: str) -> bool:
+        """Show the study that was chosen, unless it is shown; return False for a text that would be lost."""
+        if self._file.shows(study):
+            return True
+        if self.editor.toPlainText() != self._file.text:
+            return False
+        self.load(study)
+        return True
 
     def save(self) -> None:
         """Write the file, if the study is valid, and keep the old one as a backup."""

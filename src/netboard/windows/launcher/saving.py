@@ -18,6 +18,10 @@ class EditedFile:
         """Remember whose text the page shows; None for a text that is not of a file, or if it could not be read."""
         self._shown, self.text = path if path is None else path.resolve(), text
 
+    def shows(self, name: str) -> bool:
+        """Return whether the page shows the file of this name."""
+        return self._shown == Path(name).resolve()
+
     def save(self, path: Path, text: str) -> str:
         """Write a text, unless the file has it; the page then shows this file. Return the backup's name, if any."""
         backup = ""

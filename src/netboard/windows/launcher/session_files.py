@@ -1,17 +1,55 @@
 """The files of a session, looked up in a thread: a large folder or a slow disk delays no emergency stop.
 
-They are its recordings, for their size, and the study, which somebody may edit meanwhile.
+They are its recordings, for their size, the study, which somebody may edit meanwhile, and the logs of its processes.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar, final
+
+T = TypeVar("T")
 
 LOOK_S = 5.0
-"""Time between two looks at the folder [s]."""
+"""Time between two looks at the recordings and the study [s]."""
+
+FILE_LOOK_S = 1.0
+"""Time between two looks at a log [s]."""
+
+
+@final
+class FileLooks:
+    """Reads files in a thread of its own, each from time to time. ``clock``: time [s]."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._reader = ThreadPoolExecutor(1, "files of a session")
+        self._found: dict[Hashable, Any] = {}
+        self._coming: dict[Hashable, Future[Any]] = {}
+        self._due: dict[Hashable, float] = {}
+
+    def newest(self, key: Hashable, read: Callable[[], T], first: T) -> T:
+        """Return what the last look has found, ``first`` before it; the next one is done when it is due.
+
+        After a disk error what was found before stays.
+        """
+        coming = self._coming.get(key)
+        if coming is not None and coming.done():
+            del self._coming[key]
+            with suppress(OSError):
+                self._found[key] = coming.result()
+        if key not in self._coming and self._clock() >= self._due.get(key, 0.0):
+            self._due[key] = self._clock() + FILE_LOOK_S
+            self._coming[key] = self._reader.submit(read)
+        found: T = self._found.get(key, first)
+        return found
+
+    def close(self) -> None:
+        """Look no more."""
+        self._reader.shutdown(wait=False, cancel_futures=True)
 
 
 @dataclass(frozen=True, slots=True)

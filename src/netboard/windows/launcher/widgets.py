@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from functools import partial
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QColor
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
@@ -13,6 +13,8 @@ from PySide6.QtWidgets import (
     QLabel,
     QLineEdit,
     QScrollArea,
+    QStyle,
+    QStyleOptionComboBox,
     QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
@@ -25,6 +27,36 @@ from netboard.windows.operator.words import Tone
 from netboard.windows.style import TONES, current_theme
 
 COLUMNS = ("process", "state", "time and log", "machine")
+
+
+ARROW = 0.5
+"""Width of the arrow of a `ChoiceBox`, in heights of its letters [1]."""
+
+
+class ChoiceBox(QComboBox):
+    """A combo box whose arrow is as large as its letters: Qt's own has the same few pixels on every screen."""
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
+        """Draw the box, and the arrow."""
+        super().paintEvent(event)
+        area = self.arrow_area()
+        half, middle = area.width() / 2, area.center()
+        corners = (QPointF(-half, -half / 2), QPointF(half, -half / 2), QPointF(0.0, half / 2))
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(self.palette().buttonText() if self.isEnabled() else self.palette().mid())
+        painter.drawPolygon(QPolygonF([middle + corner for corner in corners]))
+        painter.end()
+
+    def arrow_area(self) -> QRectF:
+        """Return where the arrow is [pixels]."""
+        option = QStyleOptionComboBox()
+        self.initStyleOption(option)
+        control, part = QStyle.ComplexControl.CC_ComboBox, QStyle.SubControl.SC_ComboBoxArrow
+        middle = QRectF(self.style().subControlRect(control, option, part, self)).center()
+        width = ARROW * self.fontMetrics().height()
+        return QRectF(middle.x() - width / 2, middle.y() - width / 4, width, width / 2)
 
 
 class DeclaredForm(QScrollArea):
@@ -64,7 +96,7 @@ class DeclaredForm(QScrollArea):
 
     def _input(self, field: FormField) -> QLineEdit | QComboBox:
         if field.choices:
-            box = QComboBox()
+            box = ChoiceBox()
             box.addItems([*field.choices, *([] if field.text in field.choices else [field.text])])
             box.setCurrentText(field.text)
             box.textActivated.connect(partial(self.entered.emit, field))
@@ -79,7 +111,7 @@ class DeclaredForm(QScrollArea):
 
     def _suggesting(self, field: FormField) -> QComboBox:
         """Make an input with words to choose from, that takes any other text, too."""
-        box, line = QComboBox(), QLineEdit()
+        box, line = ChoiceBox(), QLineEdit()
         box.setEditable(True)
         box.setLineEdit(line)
         box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)

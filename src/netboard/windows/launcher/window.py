@@ -103,7 +103,7 @@ class LauncherWindow(StyledWindow):
     def _show_log(self) -> None:
         name = self.table.selected
         self.command.setText(self.control.command_line(name) if name else "")
-        text = self.control.log_of(name) if name else ""
+        text = self.control.shown_log_of(name) if name else ""
         if self.log.toPlainText() != text:
             self.log.setPlainText(text)
             bar = self.log.verticalScrollBar()
@@ -148,11 +148,14 @@ class LauncherWindow(StyledWindow):
 
     def choose(self, choice: SessionChoice) -> None:
         """Take a choice, and remember it."""
-        before = self.control.choice.rig
+        before = self.control.choice
         self.control.choose(choice)
-        if self.control.choice.rig != before:
-            self.rig.load(self.control.choice.rig)
-        self._remember(self.control.choice)
+        now = self.control.choice
+        if now.rig != before.rig:
+            self.rig.load(now.rig)
+        if now.study not in ("", before.study) and not self.study.follow(now.study):
+            self.control.say(f"The page Study still shows a text that is not saved, not {now.study}.", stays=True)
+        self._remember(now)
 
     def ask_again(self) -> bool:
         """Ask for a second close while a session runs: it ends with the window."""
