@@ -6,9 +6,14 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
+from netboard.base.compilation import UNKNOWN, Forecast
 from netboard.base.terminal import compiling
 from netboard.base.terminal.bars import progress_bars, shown_bars
 from netboard.base.terminal.compiling import WORDS, CompilationBar
+from netboard.nodes.launching.kernels import EXPECTED
+from netboard.services.guard import KERNELS
+
+SHARES = (0.2, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 
 
 def made(monkeypatch: pytest.MonkeyPatch, *, terminal: bool, expected: int = 100) -> tuple[CompilationBar, Console]:
@@ -18,7 +23,7 @@ def made(monkeypatch: pytest.MonkeyPatch, *, terminal: bool, expected: int = 100
     monkeypatch.setattr(compiling, "plain_console", lambda **options: console)
     monkeypatch.setattr(compiling, "SHOWN_AFTER_S", 2.0)
     monkeypatch.setattr(compiling.time, "monotonic", lambda: next(seconds))
-    return CompilationBar(expected), console
+    return CompilationBar(Forecast(expected, SHARES)), console
 
 
 def test_without_a_terminal_one_line_says_how_many_and_how_long(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -26,7 +31,7 @@ def test_without_a_terminal_one_line_says_how_many_and_how_long(monkeypatch: pyt
     for count in range(20):
         bar.compiled(count)
     bar.rests()
-    assert console.export_text() == f"{WORDS}: 10 kernels took 10 s, about 90 are left: 306 s\n"
+    assert console.export_text() == f"{WORDS}: 10 kernels took 10 s; about 90 are left, for about 40 s\n"
 
 
 def test_short_compilation_has_no_line_and_time_between_two_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +61,7 @@ def test_on_a_terminal_a_bar_appears_and_leaves_the_words(monkeypatch: pytest.Mo
     bar.compiled(25)
     shown = shown_bars()
     assert shown is not None
-    assert shown.tasks[0].percentage == 100 * 0.25**compiling.GROWTH
+    assert shown.tasks[0].percentage == pytest.approx(100 * 0.325)
     bar.compiled(100)
     assert 98 < shown.tasks[0].percentage < 100, "it is not over before it rests"
     bar.rests()
@@ -77,4 +82,24 @@ def test_line_is_printed_above_the_bars_of_a_command(monkeypatch: pytest.MonkeyP
             bar.compiled(count)
         bar.rests()
         assert shown_bars() is others
-    assert f"{WORDS}: 10 kernels took 10 s, about 90 are left: 306 s\n" in console.export_text()
+    assert f"{WORDS}: 10 kernels took 10 s; about 90 are left, for about 40 s\n" in console.export_text()
+
+
+def test_share_of_the_time_is_interpolated_between_the_measured_tenths() -> None:
+    forecast = Forecast(200, SHARES)
+    counts = (0, 10, 20, 30, 195, 200, 300)
+    assert [forecast.share(count) for count in counts] == pytest.approx([0.0, 0.1, 0.2, 0.25, 0.975, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("forecast", [EXPECTED, *KERNELS.values()])
+def test_each_forecast_grows_up_to_the_whole_time(forecast: Forecast) -> None:
+    assert len(forecast.shares) == 10
+    assert sorted({0.0, *forecast.shares}) == [0.0, *forecast.shares]
+    assert forecast.shares[-1] == 1.0
+
+
+def test_nothing_is_promised_of_kernels_that_are_in_the_cache_already() -> None:
+    forecast = Forecast(200, SHARES)
+    assert forecast.with_cached(0) is forecast
+    assert forecast.with_cached(150) == Forecast(50), "an interrupted preparation; which of them are left is not known"
+    assert forecast.with_cached(230) == UNKNOWN, "those of a new robot partner are compiled, and of no other"

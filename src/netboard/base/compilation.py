@@ -5,7 +5,35 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import NamedTuple, Protocol
+
+TENTHS = tuple(tenth / 10 for tenth in range(1, 11))
+
+
+class Forecast(NamedTuple):
+    """What a compilation with an empty cache takes: how many kernels, and which shares of its time.
+
+    ``shares``: share of the whole time after each tenth of the kernels, as measured; a kernel that others are compiled
+    into takes many times as long as a small one [1].
+    """
+
+    kernels: int  # 0 if the number is not known [1]
+    shares: tuple[float, ...] = TENTHS
+
+    def share(self, count: int) -> float:
+        """Return the share of the time after which this many kernels are compiled [1]."""
+        place = min(10.0 * count / self.kernels, 10.0)
+        whole = int(min(place, 9.0))
+        before, after = (0.0, *self.shares)[whole : whole + 2]
+        return before + (place - whole) * (after - before)
+
+    def with_cached(self, cached: int) -> "Forecast":
+        """Return the forecast where some kernels are in the cache already; no one knows which."""
+        return Forecast(max(self.kernels - cached, 0)) if cached else self
+
+
+UNKNOWN = Forecast(0)
+"""The forecast of a compilation that nobody has measured."""
 
 
 class CompilationWatcher(Protocol):

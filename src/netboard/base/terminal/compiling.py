@@ -7,6 +7,7 @@ import time
 
 from rich.progress import Progress, TaskID
 
+from netboard.base.compilation import UNKNOWN, Forecast
 from netboard.base.plural import plural
 from netboard.base.terminal.bars import progress_bars, shown_bars
 from netboard.base.terminal.output import plain_console
@@ -19,15 +20,12 @@ SHOWN_AFTER_S = 2.0
 FIRST_SHARE = 0.1
 """Share of the expected kernels after which the line is written that says how long the others take [1]."""
 
-GROWTH = 1.5
-"""Power of the number of kernels with which the time grows: the last ones contain those before (measured) [1]."""
-
 
 class CompilationBar:
-    """Shows a compilation on stderr. ``expected``: number of kernels with an empty cache; 0 if it is not known [1]."""
+    """Shows a compilation on stderr, and the time left at the rate of the kernels so far."""
 
-    def __init__(self, expected: int = 0) -> None:
-        self._expected = expected
+    def __init__(self, forecast: Forecast = UNKNOWN) -> None:
+        self._forecast, self._expected = forecast, forecast.kernels
         self._console = plain_console(stderr=True, soft_wrap=True)
         self._bars: Progress | None = None
         self._task = TaskID(0)
@@ -61,12 +59,15 @@ class CompilationBar:
     def _line(self, count: int, seconds: float) -> str:
         """Return in words what is done, what is left, and about how long that takes."""
         done, total = f"{WORDS}: {plural(count, 'kernel')} took {seconds:.0f} s", self._expected
-        left = f", about {total - count} are left: {seconds * ((total / count) ** GROWTH - 1):.0f} s"
-        return done + left * (total > count)
+        if total <= count:
+            return done
+        left = seconds * (1.0 / self._forecast.share(count) - 1.0)
+        return f"{done}; about {total - count} are left, for about {max(round(left, -1), 10.0):.0f} s"
 
     def _advance(self, count: int) -> None:
         """Draw the bar; its end moves if there are more kernels than expected."""
-        total = max(self._expected, count + 1)
+        total, forecast = max(self._expected, count + 1), self._forecast
+        share = forecast.share(count) if total == self._expected else count / total
         if self._bars is None:
             self._console.print(WORDS)
             self._bars = progress_bars(self._console)
@@ -74,4 +75,4 @@ class CompilationBar:
         if self._bars is not shown_bars():
             self._bars.start()
         words = f"{count} of about {plural(total, 'kernel')}" if self._expected else plural(count, "kernel")
-        self._bars.update(self._task, description=words, completed=(count / total) ** GROWTH)
+        self._bars.update(self._task, description=words, completed=share)
