@@ -1,15 +1,17 @@
 """What a first start shows while it compiles: a bar on a terminal, one line elsewhere, one line above other bars."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import StringIO
+from threading import Event
 
 import pytest
 from rich.console import Console
 
-from netboard.base.compilation import UNKNOWN, Forecast
+from netboard.base import kernel_cache
+from netboard.base.compilation import UNKNOWN, Forecast, compilation
 from netboard.base.terminal import compiling
 from netboard.base.terminal.bars import progress_bars, shown_bars
-from netboard.base.terminal.compiling import WORDS, CompilationBar
+from netboard.base.terminal.compiling import WORDS, CompilationBar, watch_cache
 from netboard.nodes.launching.kernels import EXPECTED
 from netboard.services.guard import KERNELS
 
@@ -103,3 +105,40 @@ def test_nothing_is_promised_of_kernels_that_are_in_the_cache_already() -> None:
     assert forecast.with_cached(0) is forecast
     assert forecast.with_cached(150) == Forecast(50), "an interrupted preparation; which of them are left is not known"
     assert forecast.with_cached(230) == UNKNOWN, "those of a new robot partner are compiled, and of no other"
+
+
+def test_kernels_of_workers_are_said_in_one_line_also_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar, console = made(monkeypatch, terminal=True)
+    bar = CompilationBar(drawn=False)
+    counts, looks = iter([200, 200, 203, 203, 205, 206, 207, 208]), iter([False] * 7 + [True])
+    watch_cache(lambda: next(counts), lambda seconds: next(looks), bar)
+    assert shown_bars() is None
+    assert console.export_text() == f"{WORDS}: 6 kernels took 2 s\n"
+
+
+def test_workers_that_load_all_from_the_cache_have_no_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar, console = made(monkeypatch, terminal=False, expected=0)
+    looks = iter([False] * 7 + [True])
+    watch_cache(lambda: 200, lambda seconds: next(looks), bar)
+    assert console.export_text() == ""
+
+
+def test_kernels_that_this_process_compiles_are_not_those_of_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They have a bar of their own."""
+    seen: list[int] = []
+    begun = Event()
+
+    def watch(count: Callable[[], int], over: Callable[[float], bool], bar: CompilationBar) -> None:
+        seen.append(count())
+        begun.set()
+        over(60.0)
+        seen.append(count())
+
+    monkeypatch.setattr(compiling, "watch_cache", watch)
+    monkeypatch.setattr(compilation, "_count", 7)
+    found = iter([107, 110])
+    monkeypatch.setattr(kernel_cache, "count", lambda: next(found))
+    with compiling.workers_compilation():
+        begun.wait()
+        compilation.ends()
+    assert seen == [100, 102]

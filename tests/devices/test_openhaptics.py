@@ -2,12 +2,14 @@
 
 import logging
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import cycle
 from math import hypot, inf, nan
 from pathlib import Path
 from time import monotonic, monotonic_ns
 
 import pytest
+from numba import typeof
 
 from libhd import FIRST, PATIENT, SECOND, STALL_NS, Fake, Opener, configured, make_device
 from netboard.base.config import Config
@@ -531,3 +533,25 @@ def test_user_without_a_home_folder_has_the_shared_configuration_only(monkeypatc
     monkeypatch.delenv("GTDD_HOME", raising=False)
     monkeypatch.setattr(Path, "home", homeless)
     assert find.config_folders() == [Path("/usr/share/3DSystems/config")]
+
+
+# --- compiled access ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("velocity", ["device", "kalman"])
+def test_kernels_of_a_device_are_known_before_it_is_opened(fake: Fake, velocity: str) -> None:
+    device = make_device(fake, servo="c")
+    device.agent = replace(device.agent, velocity=velocity)
+    before = device.compiled_unopened
+    assert not fake.is_open()
+    device.open()
+    now = device.compiled
+    assert before is not None
+    assert now is not None
+    assert (before.read, before.write, before.live) == (now.read, now.write, now.live)
+    assert typeof(before.parts) == typeof(now.parts)
+    device.close()
+
+
+def test_device_with_a_servo_in_python_has_no_kernels_to_compile(fake: Fake) -> None:
+    assert make_device(fake, servo="python").compiled_unopened is None

@@ -8,7 +8,7 @@ import pytest
 from netboard.base import kernel_cache
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError
-from netboard.nodes.launching.kernels import _are_built_in, _are_over, _name_of, _served
+from netboard.nodes.launching.kernels import _are_built_in, _are_over, _name_of, _served, _unopened
 
 
 def test_worker_that_was_killed_is_an_error_in_words() -> None:
@@ -63,3 +63,10 @@ def test_session_is_looked_at_again_with_another_compiler_or_processor(monkeypat
             names.append(_name_of(config, [config], []))
     assert len(set(names)) == len(names) == 1 + 5
     assert _name_of(config, [config], []) == names[0]
+
+
+def test_device_that_cannot_be_made_here_does_not_stop_the_preparation() -> None:
+    given = ["agents.left.device=openhaptics", "agents.left.options.library=none"]
+    missing = parse("", overrides=[*given, "agents.left.stop_buttons=256"])
+    assert _unopened(missing, "left") is None
+    assert _unopened(missing, "right") is None, "a simulated device is opened"

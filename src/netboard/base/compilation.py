@@ -54,6 +54,11 @@ class Compilation:
         self._watcher: CompilationWatcher | None = None
         self._depth = self._count = 0
 
+    @property
+    def count(self) -> int:
+        """Kernels that this process has compiled while it was watched [1]."""
+        return self._count
+
     @contextmanager
     def watched(self, make: Callable[[], CompilationWatcher]) -> Iterator[None]:
         """Show what is compiled meanwhile."""

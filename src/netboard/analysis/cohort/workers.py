@@ -16,6 +16,7 @@ from typing import TypeVar
 from netboard.analysis.extraction.workers import dask
 from netboard.base.errors import NetboardError
 from netboard.base.process.workers import terminate_workers, worker_processes
+from netboard.base.terminal.compiling import workers_compilation
 from netboard.recording.export.formats import Progress
 
 T = TypeVar("T")
@@ -63,6 +64,7 @@ class Runner:
                 cluster = stack.enter_context(dask(self.address, root=CODE)(files))
                 yield from _run(task, numbers, AHEAD, lambda: cluster)
             elif self.workers > 1:
+                stack.enter_context(workers_compilation())
                 yield from _run(task, numbers, self.workers, process)
             else:
                 for number in numbers:

@@ -13,7 +13,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     as_completed,
 )
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.process.workers import terminate_workers, worker_processes
+from netboard.base.terminal.compiling import workers_compilation
 from netboard.recording.export.formats import library
 
 WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
@@ -39,7 +40,8 @@ def processes(workers: int) -> WorkerPool:
         count = min(workers, len(recordings))
         pool = ThreadPoolExecutor(1) if count == 1 else worker_processes(count)
         try:
-            yield pool
+            with nullcontext() if count == 1 else workers_compilation():
+                yield pool
         except BrokenExecutor as error:
             raise NetboardError(
                 f"a worker process ended, perhaps because memory ran out; try fewer than --workers {count}"

@@ -4,10 +4,14 @@ Nothing is shown when all kernels are in the cache, or the few that are not take
 """
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
 
 from rich.progress import Progress, TaskID
 
-from netboard.base.compilation import UNKNOWN, Forecast
+from netboard.base import kernel_cache
+from netboard.base.compilation import UNKNOWN, Forecast, compilation
 from netboard.base.plural import plural
 from netboard.base.terminal.bars import progress_bars, shown_bars
 from netboard.base.terminal.output import plain_console
@@ -20,12 +24,18 @@ SHOWN_AFTER_S = 2.0
 FIRST_SHARE = 0.1
 """Share of the expected kernels after which the line is written that says how long the others take [1]."""
 
+LOOK_S = 0.5
+"""Interval between two looks for kernels that worker processes have compiled [s]."""
+
 
 class CompilationBar:
-    """Shows a compilation on stderr, and the time left at the rate of the kernels so far."""
+    """Shows a compilation on stderr, and the time left at the rate of the kernels so far.
 
-    def __init__(self, forecast: Forecast = UNKNOWN) -> None:
-        self._forecast, self._expected = forecast, forecast.kernels
+    Not ``drawn``: in one line, also on a terminal.
+    """
+
+    def __init__(self, forecast: Forecast = UNKNOWN, *, drawn: bool = True) -> None:
+        self._forecast, self._expected, self._drawn = forecast, forecast.kernels, drawn
         self._console = plain_console(stderr=True, soft_wrap=True)
         self._bars: Progress | None = None
         self._task = TaskID(0)
@@ -41,7 +51,7 @@ class CompilationBar:
         seconds, others = self._spent + now - self._since, shown_bars()
         if seconds < SHOWN_AFTER_S or not count:
             return
-        if self._console.is_terminal and others in (None, self._bars):
+        if self._drawn and self._console.is_terminal and others in (None, self._bars):
             self._advance(count)
         elif not self._said and count >= FIRST_SHARE * self._expected:
             self._said = True
@@ -76,3 +86,29 @@ class CompilationBar:
             self._bars.start()
         words = f"{count} of about {plural(total, 'kernel')}" if self._expected else plural(count, "kernel")
         self._bars.update(self._task, description=words, completed=share)
+
+
+@contextmanager
+def workers_compilation() -> Iterator[None]:
+    """Say in one line that the worker processes of this one compile meanwhile."""
+
+    def count() -> int:
+        return kernel_cache.count() - compilation.count
+
+    over = Event()
+    watch = Thread(target=watch_cache, args=(count, over.wait, CompilationBar(drawn=False)), daemon=True)
+    watch.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watch.join()
+
+
+def watch_cache(count: Callable[[], int], over: Callable[[float], bool], bar: CompilationBar) -> None:
+    """Report new kernels in the cache, until it is over. ``over``: waits for a time [s], and returns whether it is."""
+    before = seen = count()
+    while not over(LOOK_S):
+        if (now := count()) > seen:
+            seen = now
+            bar.compiled(seen - before)

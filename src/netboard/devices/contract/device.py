@@ -178,6 +178,13 @@ class Device(ABC):
         own = self._compiled()
         return None if own is None else placed_access(own, self._placement, self._estimator)
 
+    @property
+    @final
+    def compiled_unopened(self) -> CompiledAccess | None:
+        """Access as `compiled`, before the device is opened: to compile for it, never to call it."""
+        own, estimator = self._compiled_unopened(), velocity.make(self.agent.velocity, 1.0)
+        return None if own is None else placed_access(own, self._placement, estimator)
+
     @final
     def read(self, now_ns: int) -> Reading:
         """Return the current sample of the stylus.
@@ -253,6 +260,10 @@ class Device(ABC):
 
     def _compiled(self) -> CompiledAccess | None:
         """Return the compiled access in the device's own frame, if there is any."""
+        return None
+
+    def _compiled_unopened(self) -> CompiledAccess | None:
+        """Return the same, with other arrays of the same types, of a device that was not opened; None if unknown."""
         return None
 
     @abstractmethod

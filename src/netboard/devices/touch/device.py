@@ -184,6 +184,13 @@ class OpenHaptics(Device):
         parts = rig.state, self._state, servo.sample, servo.memory
         return CompiledAccess(parts, access.read, access.write, access.live)
 
+    def _compiled_unopened(self) -> CompiledAccess | None:
+        if servo_kind(self._options.servo) != "c":
+            return None
+        shim()  # loads the functions that the kernels call
+        parts = np.zeros(1, LIBRARY), self._state, np.zeros(1, SAMPLE), np.zeros(1, np.int64)
+        return CompiledAccess(parts, access.read, access.write, access.live)
+
     def _close(self) -> None:
         lost = self._lost
         if not self._release() and not lost:

@@ -25,7 +25,7 @@ from netboard.base.process.resources import NAME
 from netboard.base.terminal.logs import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract import registry
-from netboard.devices.contract.access import Kernel
+from netboard.devices.contract.access import CompiledAccess, Kernel
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.arming import Arming
 from netboard.devices.safety.chain import SafetyChain
@@ -127,6 +127,10 @@ class AgentNode:
         """Compile or load the kernels, so that the first tick is not late."""
         self._link.warm()
         self._undisturbed_ticks()
+
+    def compile_for(self, access: CompiledAccess) -> None:
+        """Compile the undisturbed ticks of another device, which need not be open."""
+        run_of(access, self._link, self._ring, self._rules)
 
     def _serve(self, stopping: Callable[[], bool]) -> Holder | None:
         """Serve the connected device, and leave it with zero force; return the block's holder if it is another one."""

@@ -2,7 +2,7 @@
 
 A process compiles a kernel as it makes what calls it. So a server with its blocks and an agent at each side, also with
 each robot partner of the blocks, run here once, on this machine alone, and stop at once. Displays, logger and console
-have no kernels. A haptic device is not opened: the kernels of its own access are compiled at the first start with it.
+have no kernels. A haptic device is not opened, but the kernels of its access are compiled if its backend can tell them.
 """
 
 import hashlib
@@ -23,6 +23,7 @@ from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tables.rig import Agent
 from netboard.base.terminal.compiling import CompilationBar
 from netboard.devices.contract import registry
+from netboard.devices.contract.access import CompiledAccess
 from netboard.devices.simulated.partner import BACKEND
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
@@ -113,11 +114,26 @@ def _run_agents(config: Config, blocks: Sequence[Config], sides: Sequence[Side])
     """Run the agents of these sides, each with its own device and as each robot partner; they are to stop at once."""
     logging.disable()
     for side in sides:
+        access = _unopened(config, side)
         for served in _served(config, blocks, side):
             with TemporaryDirectory() as folder, sockets.open_context() as context:
                 alone = _alone(served, folder)
                 with registry.make(side, alone) as device:
-                    AgentNode(alone, side, device, context, stylus_source_of(alone, device, context)).run(lambda: True)
+                    node = AgentNode(alone, side, device, context, stylus_source_of(alone, device, context))
+                    node.run(lambda: True)
+                    if access is not None:
+                        node.compile_for(access)
+                        access = None
+
+
+def _unopened(config: Config, side: Side) -> CompiledAccess | None:
+    """Return how compiled code accesses the device of a side that a person holds; None if it has none."""
+    if registry.kind_of(config.agents.of(side).device) in OPENED:
+        return None
+    try:
+        return registry.make(side, config).compiled_unopened
+    except NetboardError:  # such as a library that is missing: the agent says so, and this machine may lack the device
+        return None
 
 
 def _served(config: Config, blocks: Sequence[Config], side: Side) -> list[Config]:

@@ -16,6 +16,7 @@ from netboard.base.process.stopping import uninterrupted
 from netboard.base.process.workers import interrupt_workers, interrupted, worker_processes
 from netboard.base.system.interrupts import ctrl_c
 from netboard.base.tables.simulated import Participant
+from netboard.base.terminal.compiling import workers_compilation
 from netboard.base.tick import TICK_SECONDS
 from netboard.participants.people.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
@@ -140,7 +141,7 @@ def rehearse_all(
             results.append(rehearse(job))
             done(results[-1])
         return results
-    with worker_processes(workers, interruptible=True) as pool:
+    with workers_compilation(), worker_processes(workers, interruptible=True) as pool:
         futures = [pool.submit(_rehearse_in_worker, job) for job in jobs]
         try:
             for future in as_completed(futures):

@@ -15,6 +15,7 @@ from netboard.base.config import Config, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError, writing
 from netboard.base.plural import plural
 from netboard.base.process.workers import worker_processes
+from netboard.base.terminal.compiling import workers_compilation
 from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import recording_name
 from netboard.recording.files.reader import Recording
@@ -126,6 +127,7 @@ def run(
     failed: dict[int, str] = {}
     with (
         TemporaryDirectory(prefix=UNNAMED, dir=folder) as unnamed,
+        workers_compilation(),
         worker_processes(min(workers, len(plan.jobs))) as pool,
     ):
         try:
