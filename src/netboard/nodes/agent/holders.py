@@ -59,7 +59,7 @@ class Holder(NamedTuple):
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """What is recorded of the policy that moves the stylus, and whether it is that of a block; empty for a person."""
+        """What is recorded of who moves the stylus, and whether that is one of a block; empty for a person."""
         policy = {} if self.source is None else self.source.identity
         return {**policy, SEATED: "true"} if self.seated else policy
 
