@@ -61,6 +61,11 @@ def test_repeated_analysis_is_restored_from_the_cache_bit_for_bit(study: Path, m
         patch.setattr("netboard.analysis.report.folder.write_first_part", fail_if_called)
         again = analyse(study, "-o", "again")
     assert "; all were cached" in again
+    (listed,) = Path("cache").glob(f"*{ANALYSIS}")
+    files = json.loads(bytes(Store(Path("cache")).get(listed.name) or b""))["files"]
+    assert {path.name for path in Path("cache").glob(f"*{FILE}")} == set(files.values()), (
+        "each file of the cache is used"
+    )
     said = first.splitlines()
     assert again.splitlines()[1:-1] == [line for line in said[1:-1] if not line.startswith("tables and answer: ")]
     assert len(said) == len(again.splitlines()) + 1

@@ -17,7 +17,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
@@ -169,10 +169,13 @@ def digests_of(paths: Sequence[Path], digest: Callable[[Path], str] = sha256_of)
         return dict(zip(paths, pool.map(digest, paths), strict=True))
 
 
-def store_files(store: Store, folder: Path) -> dict[str, str]:
-    """Store the files of a folder that nobody else uses yet; return the entry of each for `store_entry`."""
+def store_files(store: Store, folder: Path, without: Collection[str] = ()) -> dict[str, str]:
+    """Store the files of a folder that nobody else uses yet; return the entry of each for `store_entry`.
+
+    ``without``: names of files that others will replace.
+    """
     files = {}
-    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+    for path in sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in without):
         content = path.read_bytes()
         name = f"{hashlib.sha256(content).hexdigest()}{FILE}"
         if store.get(name) is None:

@@ -50,6 +50,9 @@ REPORTING = "netboard.analysis.report.folder"
 ANSWERED = "tables and answer: "
 """Beginning of the line that names the tables and the beginning of the report."""
 
+REPORT = "report.html"
+"""File of the report, of which the first part has only the beginning."""
+
 PLACEHOLDER = "@command-of-this-analysis@"
 """Stands for the command until all other files, which do not depend on it, are written."""
 
@@ -149,14 +152,14 @@ class _Analysis:
                 (first := self._scratch / "first").mkdir()
                 beside = self._chosen.beside_the_paper
                 figure = write_first_part(first, study, found, origin, pool, shared, tell, beside_the_paper=beside)
-                self._finish(first)
+                self._finish(first, without=(REPORT,))
                 publish(first, self._folder)
             words = tuple(_in_words(study, found))
             kept = sum(source.cached for source in found.sources)
             yield f"{words[0]}; {amount(kept)} from the cache" if kept else words[0]
             yield from words[1:]
             yield (
-                f"{ANSWERED}{self._folder / 'tables'}, {self._folder / 'report.html'}; "
+                f"{ANSWERED}{self._folder / 'tables'}, {self._folder / REPORT}; "
                 f"{time.perf_counter() - began:.1f} s. Results and figures follow."
             )
             with telling() as tell:
@@ -196,10 +199,13 @@ class _Analysis:
         found = replace(found, left_out=(*found.left_out, *parts))
         return study_of(found.measured, readings, found.paths), found
 
-    def _finish(self, part: Path) -> None:
-        """Store the files of a part while nobody else can change them, then write the command into them."""
+    def _finish(self, part: Path, without: Sequence[str] = ()) -> None:
+        """Store the files of a part while nobody else can change them, then write the command into them.
+
+        Those ``without`` are not stored: a later part has the whole one.
+        """
         if self._store is not None:
-            self.files |= store_files(self._store, part)
+            self.files |= store_files(self._store, part, without)
         name_command(part, _command())
 
 
@@ -251,7 +257,7 @@ def _in_total(folder: Path, seconds: float, peak: float) -> str:
     size = sum(path.stat().st_size for path in files) / 1e6
     measured = f", {peak / 1e6:.0f} MB in a worker process" if peak else ""
     most = f"at most {peak_memory() / 1e6:.0f} MB in memory{measured}"
-    return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"
+    return f"{folder / REPORT} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"
 
 
 def name_command(folder: Path, command: Sequence[str]) -> None:
@@ -259,7 +265,7 @@ def name_command(folder: Path, command: Sequence[str]) -> None:
     from markupsafe import escape
 
     text = shlex.join(command)
-    written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], "report.html": str(escape(visible(text)))}
+    written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], REPORT: str(escape(visible(text)))}
     for name, shown in written.items():
         path = folder / name
         if not path.exists():  # the second part of an analysis has no provenance
