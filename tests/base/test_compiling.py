@@ -53,7 +53,7 @@ def test_number_that_is_unknown_or_exceeded_promises_nothing(monkeypatch: pytest
     bar, console = made(monkeypatch, terminal=False, expected=expected)
     for count in range(5):
         bar.compiled(count)
-    assert console.export_text() == f"{WORDS}: 2 kernels took 2 s\n"
+    assert console.export_text() == f"{WORDS}: 2 kernels so far, in 2 s\n"
 
 
 def test_on_a_terminal_a_bar_appears_and_leaves_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +113,7 @@ def test_kernels_of_workers_are_said_in_one_line_also_on_a_terminal(monkeypatch:
     counts, looks = iter([200, 200, 203, 203, 205, 206, 207, 208]), iter([False] * 7 + [True])
     watch_cache(lambda: next(counts), lambda seconds: next(looks), bar)
     assert shown_bars() is None
-    assert console.export_text() == f"{WORDS}: 6 kernels took 2 s\n"
+    assert console.export_text() == f"{WORDS}: 6 kernels so far, in 2 s\n"
 
 
 def test_workers_that_load_all_from_the_cache_have_no_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,11 +68,11 @@ class CompilationBar:
 
     def _line(self, count: int, seconds: float) -> str:
         """Return in words what is done, what is left, and about how long that takes."""
-        done, total = f"{WORDS}: {plural(count, 'kernel')} took {seconds:.0f} s", self._expected
+        done, total = f"{WORDS}: {plural(count, 'kernel')}", self._expected
         if total <= count:
-            return done
-        left = seconds * (1.0 / self._forecast.share(count) - 1.0)
-        return f"{done}; about {total - count} are left, for about {max(round(left, -1), 10.0):.0f} s"
+            return f"{done} so far, in {seconds:.0f} s"
+        left = max(round(seconds * (1.0 / self._forecast.share(count) - 1.0), -1), 10.0)
+        return f"{done} took {seconds:.0f} s; about {total - count} are left, for about {left:.0f} s"
 
     def _advance(self, count: int) -> None:
         """Draw the bar; its end moves if there are more kernels than expected."""
