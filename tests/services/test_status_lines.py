@@ -42,6 +42,9 @@ def test_answer_to_a_command_says_what_is_missing() -> None:
     assert state_text(STATUS) == "the trial is idle"
     lacking = replace(STATUS, waiting_for=("the logger", "the session's form"))
     assert state_text(lacking) == "the trial is idle; waiting for the logger and the session's form"
+    notice = f"2 trials are lost; {FORM_AWAITED}left and right, 57 s at most; the disk is slow"
+    asked = replace(STATUS, phase="finished", notice=notice)
+    assert state_text(asked) == f"the trial is finished; {FORM_AWAITED}left and right"
 
 
 def test_status_says_once_what_is_missing() -> None:

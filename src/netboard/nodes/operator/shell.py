@@ -8,7 +8,7 @@ from typing import Any
 
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
-from netboard.network.protocol.control import Reply, Status
+from netboard.network.protocol.control import FORM_AWAITED, Reply, Status
 from netboard.network.transport import names, sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
@@ -129,4 +129,5 @@ def state_text(status: Status) -> str:
     if status.notice.startswith("paused"):
         return f"the trial is {status.notice}"
     waiting = f"; waiting for {in_words(status.waiting_for)}" if status.waiting_for else ""
-    return f"the trial is {status.phase}{waiting}"
+    form = next((f"; {part}" for part in status.notice.split("; ") if part.startswith(FORM_AWAITED)), "")
+    return f"the trial is {status.phase}{waiting}{form.partition(',')[0]}"  # without the time that is left
