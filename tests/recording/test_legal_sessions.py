@@ -173,6 +173,27 @@ def test_reported_server_stall_is_a_loss(tmp_path: Path) -> None:
     assert "the server stalled 1 times, for 30 ms in all" in findings_text(report, Severity.LOSS)
 
 
+def test_event_without_a_pulse_of_the_trigger_box_is_a_loss(tmp_path: Path) -> None:
+    made = made_of()
+    place = max(k for k, record in enumerate(made.records) if isinstance(record, EventRecord))
+    last = made.records[place]
+    assert isinstance(last, EventRecord)
+    given = [
+        ("trigger", ""),
+        ("trigger_lost", "the port is full"),
+        ("trigger_lost", "no box"),
+        ("trigger_lost", "no box"),
+    ]
+    made.records[place + 1 : place + 1] = [
+        replace(last, seq=last.seq + number, name=name, details={"event": "held", "reason": reason})
+        for number, (name, reason) in enumerate(given, start=1)
+    ]
+    report = report_on(tmp_path, made)
+    assert findings_text(report) == ""
+    assert "3 events had no pulse: no box (2); the port is full (1)" in findings_text(report, Severity.LOSS)
+    assert "1 event had a pulse" in findings_text(report, Severity.SOUND)
+
+
 @pytest.mark.parametrize("reported", [("29", 0), ("31", 0), ("30", 1)])
 def test_time_jump_that_differs_from_the_reported_stall_is_damage(tmp_path: Path, reported: tuple[str, int]) -> None:
     made = made_of(stood_still=2000)

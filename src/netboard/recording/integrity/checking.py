@@ -29,7 +29,14 @@ from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
 from netboard.recording.integrity.quality_check import Judge, losses_among
 from netboard.recording.integrity.severity import CheckFinding, CheckReport, Severity
-from netboard.recording.integrity.stream_check import check_end, check_numbers, check_rendered, check_time, not_exact
+from netboard.recording.integrity.stream_check import (
+    check_end,
+    check_numbers,
+    check_rendered,
+    check_time,
+    check_triggers,
+    not_exact,
+)
 from netboard.recording.integrity.trial_check import check_measured, check_trials
 from netboard.recording.integrity.verification import why_not_computable
 from netboard.recording.integrity.walk import Examined, walk
@@ -246,6 +253,12 @@ CHECKS = (
         "Ticks are 1 ms apart, except where the server reported a stall of the same duration. Events and log times "
         "never decrease. Where records were lost, the report of a stall may be lost, too.",
         check_time,
+    ),
+    Check(
+        "triggers",
+        "Each event with a code had a pulse of the trigger box. One without is a loss: a recording of EEG or video "
+        "lacks its mark.",
+        check_triggers,
     ),
     Check("clocks", "The clock offsets of all peers are plausible: see below.", _clocks, needs_config=True),
     Check(

@@ -1,4 +1,4 @@
-"""Checks the streams of a recording: numbers, losses, rendered forces, and times."""
+"""Checks the streams of a recording: numbers, losses, rendered forces, triggers, and times."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,6 +10,7 @@ from netboard.base.config import SIDES
 from netboard.base.plural import plural
 from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import EventRecord, FrameRecord
+from netboard.network.protocol.triggers import TRIGGER, TRIGGER_LOST
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import LOG_TOPICS, NOT_EXACT, TICKS
@@ -143,6 +144,17 @@ def check_rendered(recording: Recording) -> Iterator[CheckFinding]:
             yield CheckFinding(
                 severity, f"the rendered force of the {side} device is unknown at {plural(count, 'tick')}, {share}"
             )
+
+
+def check_triggers(evidence: Examined) -> Iterator[CheckFinding]:
+    """Count the events with a pulse of the trigger box, and those without one: the other recordings lack these."""
+    names = Counter(event.name for event in evidence.events)
+    if names[TRIGGER]:
+        yield CheckFinding(Severity.SOUND, f"{plural(names[TRIGGER], 'event')} had a pulse")
+    if names[TRIGGER_LOST]:
+        reasons = Counter(event.details.get("reason", "?") for event in evidence.events if event.name == TRIGGER_LOST)
+        why = "; ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
+        yield CheckFinding(Severity.LOSS, f"{plural(names[TRIGGER_LOST], 'event')} had no pulse: {why}")
 
 
 def check_time(evidence: Examined) -> Iterator[CheckFinding]:
