@@ -177,6 +177,14 @@ def test_outcomes_come_from_the_attempts_without_verdicts():
     ]
 
 
+def test_marks_name_the_station_of_a_form_and_the_event_of_a_trigger():
+    form = event(2100, "questionnaire_unanswered", station="left", block="1")
+    lost = event(2200, "trigger_lost", event="held", event_tick="2199", code="4", reason="no box")
+    labels = [mark.label for mark in loaded_recording(two_trials(), form, lost).marks]
+    assert "left questionnaire unanswered" in labels
+    assert "trigger lost held: no box" in labels
+
+
 def test_position_text_has_tick_phase_trial_and_last_event():
     assert RECORDING.where(3.0) == "tick 3100, running, trial 1, last event: level 1"
     long = loaded_recording(two_trials(), event(2100, "command", name="note", argument="x" * 5000))

@@ -123,7 +123,8 @@ def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
     refused = details.get("accepted") == "false"  # its text may be anything
     if event.name == "command" and details.get("name") == "note" and not refused:
         return _note(event.tick, details.get("argument", ""))
-    words = " ".join(filter(None, (details.get("side"), event.name.replace("_", " "), details.get("name"))))
+    where, what = details.get("side", details.get("station")), details.get("name", details.get("event"))
+    words = " ".join(filter(None, (where, event.name.replace("_", " "), what)))
     length = f"{details['milliseconds']} ms" if "milliseconds" in details else ""
     return event.tick, "event", ": ".join(filter(None, (words, length, details.get("reason"))))
 
