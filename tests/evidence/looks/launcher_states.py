@@ -16,8 +16,8 @@ RIG = '[stations]\nleft = "10.77.0.2"\n[agents.left]\ndevice = "openhaptics"\n'
 STATE = {"computer": "lab-pc-2", "cores": "8", "load": "0.31", "free disk": "412.0 GiB", "screen": "opens"}
 LOG = {
     "preparation": "folder         recordings: is missing; created: mkdir -p recordings\n"
-    "compiling kernels for this machine, once after an installation or an update: 38 kernels took 2 s, about 192 are "
-    "left: 11 s\n",
+    "compiling kernels for this machine, once after an installation or an update: 38 kernels took 6 s; about 192 are "
+    "left, for about 30 s\n",
     "left agent": "left hand: haptic device (backend openhaptics)\nthe device does not answer: unplugged?\n",
 }
 
