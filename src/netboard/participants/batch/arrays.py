@@ -110,5 +110,5 @@ def make_viewers(config: Config, agents: Sequence[SeatedAgent], count: int, view
 def make_partner(config: Config, policy: Policy, station: Side, count: int) -> Partner:
     """Put a policy into its seat in each scene."""
     seat = make_seat(config, policy, station, (0,))
-    repeated = {name: np.repeat(getattr(seat, name), count) for name in ("state", "constants", "observation")}
+    repeated = {name: np.repeat(getattr(seat, name), count) for name in ("state", "observation")}
     return Partner(seat._replace(**repeated), np.zeros((count, len(SIDES)), ACTION), np.zeros(count, np.int64))

@@ -182,7 +182,7 @@ def make_begin(decide: Decide) -> Callable[..., None]:
         for i in scenes:
             g, j = i // LANES, i % LANES
             o = _observe(partner, sc, g, j, -1)
-            decide(partner.seat.state[i], partner.seat.constants[i], o, partner.actions[i])
+            decide(partner.seat.state[i], partner.seat.constants[0], o, partner.actions[i])
             _take(partner, sc, g, j)
 
     return begin
@@ -362,7 +362,7 @@ def _make_attend(decide: Decide) -> Callable[..., None]:
         o["felt"] = felt_of(seat, sc.commanded[g, seat.hands[1], j], row["trial"], row["phase"])
         if seat.flags[0]:
             _show_truth(o["truth"], sc, g, j)
-        decide(seat.state[i], seat.constants[i], o, partner.actions[i])
+        decide(seat.state[i], seat.constants[0], o, partner.actions[i])
         _take(partner, sc, g, j)
         if tick == partner.following[i]:
             partner.following[i] += seat.timing[0]
