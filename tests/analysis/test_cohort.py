@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from netboard.analysis.cohort import virtual
+from netboard.analysis.cohort import block, virtual
 from netboard.analysis.cohort.block import Rehearsed, rehearse
 from netboard.analysis.cohort.folder import Cohort, make_cohort
 from netboard.analysis.cohort.planning import Request, answer
@@ -23,6 +23,7 @@ from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import StudyData as Tables
 from netboard.analysis.extraction.study import study_of
+from netboard.analysis.extraction.trials import PLACES
 from netboard.analysis.topics.measures import levels
 from netboard.analysis.topics.pushes import pushes
 from netboard.base.config import Config
@@ -104,6 +105,19 @@ def pushed_design(trials: int, perturbed: int) -> VirtualDesign:
 
 
 @pytest.mark.slow
+def test_block_does_not_depend_on_the_room_for_its_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    job = jobs_of_dyad(DESIGN.config, DESIGN.study, seed=5, dyad=1)[0]
+    whole = rehearse(job)
+    for name, size in {"RING": 2, "PIECE": 777, "TURNS": 4, "ROOM": 1000}.items():
+        monkeypatch.setattr(block, name, size)
+    narrow = rehearse(job)
+    assert whole.ticks > 5000
+    assert (narrow.ticks, narrow.flags, narrow.given_up) == (whole.ticks, whole.flags, whole.given_up)
+    assert repr(narrow.block.attempts) == repr(whole.block.attempts)  # repr, because NaN != NaN
+    for name in PLACES:
+        assert narrow.block.raw(name).tobytes() == whole.block.raw(name).tobytes()
+
+
 def test_responses_to_pushes_equal_those_of_analysed_recordings(tmp_path: Path) -> None:
     design = pushed_design(trials=8, perturbed=3)
     table = pd.DataFrame(unpack(simulate(design, 1)).tables["pushes"])

@@ -11,7 +11,7 @@ KNOWN = {
         "PIECE": "capacity",
         "START_TICK": "waiting time of the live server",
         "MAX_MEAN_TRIAL": "time after which a block is stopped",
-        "KEPT": "capacity",
+        "UNWATCHED": "kernel that does nothing",
     },
     "body": {
         "BEFORE": "steps of the integration",

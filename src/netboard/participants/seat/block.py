@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import Numbers, Records, Words, borrowed, compiler_words, composed, machine_code
+from netboard.base.compiled import Numbers, Records, Words, borrowed, compiler_words, composed, inlined, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.experiment import PERSON, Block
@@ -38,9 +38,6 @@ START_TICK = 500
 
 MAX_MEAN_TRIAL = 120.0
 """A block is stopped after this time for each planned trial: its participants cannot do it [s]."""
-
-KEPT = 1
-"""Ticks kept before a piece, which policies see one tick late [1]."""
 
 _FINISHED, _NONE, _STOP = int(Phase.FINISHED), int(Cause.NONE), int(Cause.STOP)
 _TICK, _TIME, _LATE, _COMMAND, _EVENT = (
@@ -77,13 +74,43 @@ def _attend(
 _attend_other = _attend
 
 
-class TickRun(NamedTuple):
-    """Some ticks of a block: those before them, and room for the new ones."""
+def _watch(watched: Any, rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
+    """Placeholder for what watches each tick."""
+    raise NotImplementedError
 
-    rows: Any  # the last `KEPT` ticks, and room
+
+@inlined
+def _look_away(watched: Any, rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
+    """Watch nothing."""
+    return False
+
+
+class Watcher(NamedTuple):
+    """A kernel that gets each tick at once, while its row is in the processor's cache.
+
+    Its arguments are `data`; a ring of rows, as records, as words and as numbers; and the places of the tick and of the
+    one before. It returns whether the loop is to stop there, so that Python can look at the data.
+    """
+
+    kernel: Callable[..., bool]
+    data: Any
+
+
+UNWATCHED = Watcher(_look_away, ())
+
+
+class TickRing(NamedTuple):
+    """Room for the newest ticks of a block, two or more: policies see the one before a tick."""
+
+    rows: Any
     words: NDArray[np.int64]  # the same memory as words
     numbers: NDArray[np.float64]  # and as numbers
-    commands: NDArray[np.int64]  # of the new ticks
+
+    @classmethod
+    def of(cls, size: int) -> "TickRing":
+        """Return room for some ticks."""
+        rows = np.zeros(size, TICK)
+        return cls(rows, rows.view(np.int64).reshape(size, -1), rows.view(np.float64).reshape(size, -1))
 
 
 class Devices(NamedTuple):
@@ -97,7 +124,8 @@ class Devices(NamedTuple):
 
 def _loop(
     state: Records,
-    piece: TickRun,
+    ring: TickRing,
+    commands: Words,
     number: int,
     book: Records,
     tables: NDArray[np.float64],
@@ -105,23 +133,25 @@ def _loop(
     one: Seat,
     other: Seat,
     completions: NDArray[np.float64],
+    watched: Any,
 ) -> int:
-    """Run ticks with both devices and both seats, to the end of the block at most.
+    """Run ticks with both devices and both seats, until the block ends or what watches them says so.
 
-    ``number``: number of the first new tick; ``completions``: completion time of the last trial, by the number of
-    successful ones [s]. Returns how many ticks were run.
+    ``commands``: of the new ticks; ``number``: number of the first of them; ``completions``: completion time of the
+    last trial, by the number of successful ones [s]. Returns how many ticks were run.
     """
     state, book, tables, completions = borrowed(state), borrowed(book), borrowed(tables), borrowed(completions)
-    rows, words, numbers, commands = borrowed(piece)
+    rows, words, numbers = borrowed(ring)
+    commands, watched = borrowed(commands), borrowed(watched)
     bodies, actions, readings, force_queue = borrowed(devices)
     one, other = borrowed(one), borrowed(other)
     if number == 0:
         _begin(one, bodies, actions)
         _begin_other(other, bodies, actions)
-    count = len(rows) - KEPT
-    for k in range(count):
-        place, tick = KEPT + k, number + k
-        row, values = words[place], numbers[place]
+    place = number % len(rows)
+    before = place - 1 if place > 0 else len(rows) - 1
+    for k in range(len(commands)):
+        tick, row, values = number + k, words[place], numbers[place]
         row[_TICK], row[_TIME], row[_LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
         row[_COMMAND] = commands[k]
         advance(bodies, actions, 0, 2, row, values)
@@ -129,22 +159,32 @@ def _loop(
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
             apply_force(bodies, side, force_queue, book[0]["rendering"]["catch"], row, values)
-        _attend(one, bodies, actions, row, values, words[place - 1], numbers[place - 1])
-        _attend_other(other, bodies, actions, row, values, words[place - 1], numbers[place - 1])
+        _attend(one, bodies, actions, row, values, words[before], numbers[before])
+        _attend_other(other, bodies, actions, row, values, words[before], numbers[before])
         if state[0]["successes"] < len(completions):  # an operator may have trials repeated, beyond the planned ones
             completions[state[0]["successes"]] = state[0]["completion"]
-        if state[0]["phase"] == _FINISHED:
+        stop = _watch(watched, rows, words, numbers, place, before)
+        if stop or state[0]["phase"] == _FINISHED:
             return k + 1
-    return count
+        before, place = place, place + 1 if place + 1 < len(rows) else 0
+    return len(commands)
 
 
 @cache
-def _loop_around(ticks: Callable[..., None], one: Decide, other: Decide) -> Callable[..., int]:
-    """Compile the loop around the ticks of a stage and two policies."""
+def _loop_around(
+    ticks: Callable[..., None], one: Decide, other: Decide, watch: Callable[..., bool]
+) -> Callable[..., int]:
+    """Compile the loop around the ticks of a stage, two policies and what watches them."""
     begin, attend = kernels_of(one)
     begin_other, attend_other = kernels_of(other)
     return composed(
-        _loop, _ticks=ticks, _begin=begin, _attend=attend, _begin_other=begin_other, _attend_other=attend_other
+        _loop,
+        _ticks=ticks,
+        _begin=begin,
+        _attend=attend,
+        _begin_other=begin_other,
+        _attend_other=attend_other,
+        _watch=watch,
     )
 
 
@@ -169,9 +209,12 @@ def _is_robot(block: Block, sides: tuple[Side, ...]) -> bool:
 
 
 class Rehearsal:
-    """One block. ``people``: the participants A and B; a robot is the participant of ``[participant]``."""
+    """One block. ``people``: the participants A and B; a robot is the participant of ``[participant]``.
 
-    def __init__(self, config: Config, people: Mapping[str, Participant]) -> None:
+    ``watcher``: what gets each tick at once.
+    """
+
+    def __init__(self, config: Config, people: Mapping[str, Participant], watcher: Watcher = UNWATCHED) -> None:
         if config.block.force == "unrelated":
             raise ConfigError(
                 '[block] force: found "unrelated", expected another condition: a rehearsal has no recorded forces'
@@ -198,8 +241,9 @@ class Rehearsal:
         self._devices = Devices(bodies, np.zeros(len(SIDES), ACTION), np.zeros(1, READINGS), force_queue)
         self._last_tick = START_TICK + round(block.trials * MAX_MEAN_TRIAL / TICK_SECONDS)
         self._completions = np.zeros(1 + block.trials)
+        self._watcher = watcher
         self._ticks = 0
-        self._given_up = False
+        self.over = self._given_up = False
 
     @property
     def successes(self) -> int:
@@ -213,34 +257,39 @@ class Rehearsal:
 
     def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
-        rows = np.zeros(KEPT + size, TICK)
-        words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
-        piece = TickRun(rows, words, numbers, np.zeros(size, np.int64))
-        over = False
-        while not over:
-            words[:KEPT] = words[-KEPT:]  # as words, because NumPy copies a record field by field
-            self._command(piece.commands)
-            count = self._run(piece)
-            self._ticks += count
-            over = int(self._state["phase"][0]) == _FINISHED
-            self._given_up = int(words[KEPT + count - 1, _EVENT]) == _STOP
-            yield rows[KEPT : KEPT + count]
+        ring = TickRing.of(max(size, 2))
+        while not self.over:
+            first = self._ticks % len(ring.rows)
+            yield ring.rows[first : first + self.run(ring, size)]
 
-    def _command(self, commands: NDArray[np.int64]) -> None:
-        """Write the commands of the next ticks: the block starts, and is stopped if it takes too long."""
-        commands[:] = _NONE
-        if self._ticks <= START_TICK < self._ticks + len(commands):
+    def run(self, ring: TickRing, most: int) -> int:
+        """Run the next ticks, until the block ends or the watcher stops them; return their number [1].
+
+        ``ring``: the same for all ticks; tick n is at place ``n % size``. ``most``: number of ticks at most.
+        """
+        count = self._run(ring, self._commands(most))
+        self._ticks += count
+        self.over = int(self._state["phase"][0]) == _FINISHED
+        self._given_up = int(ring.words[(self._ticks - 1) % len(ring.words), _EVENT]) == _STOP
+        return count
+
+    def _commands(self, count: int) -> Words:
+        """Return the commands of the next ticks: the block starts, and is stopped if it takes too long."""
+        commands = np.full(count, _NONE, np.int64)
+        if self._ticks <= START_TICK < self._ticks + count:
             commands[START_TICK - self._ticks] = Cause.START
         commands[max(self._last_tick - self._ticks, 0) :] = Cause.STOP  # the tick between two trials does not take it
+        return commands
 
-    def _run(self, piece: TickRun) -> int:
+    def _run(self, ring: TickRing, commands: Words) -> int:
         """Run the next ticks, and return their number; say in words what a kernel of a robot partner raises."""
         stage = self._stage
-        of_stage = self._state, piece, self._ticks, stage.book, stage.tables
-        arguments = *of_stage, self._devices, *self._seats, self._completions
+        of_stage = self._state, ring, commands, self._ticks, stage.book, stage.tables
+        arguments = *of_stage, self._devices, *self._seats, self._completions, self._watcher.data
         try:
             if self._code is None:
-                self._code = machine_code(_loop_around(stage.ticks, *self._decides), *arguments)
+                loop = _loop_around(stage.ticks, *self._decides, self._watcher.kernel)
+                self._code = machine_code(loop, *arguments)
             return self._code(*arguments)
         except Exception as error:  # of any type: the code of a lab
             if not self.partners:

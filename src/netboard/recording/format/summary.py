@@ -157,7 +157,8 @@ def turns_along(portions: Iterable[NDArray[Any]]) -> NDArray[Any]:
     kept: list[NDArray[Any]] = []
     for rows in portions:
         # The first and last row of each phase suffice to describe an attempt and the levelling before it.
-        kept.append(rows[_ends(rows["phase"], rows["trial"], rows["attempt"])])
+        places = _ends(rows["phase"], rows["trial"], rows["attempt"])
+        kept.append(rows.view((np.void, rows.itemsize))[places].view(rows.dtype))  # NumPy copies field by field
     return joined(kept)
 
 

@@ -159,29 +159,36 @@ def tally(counts: np.void, rows: Records, first: int, count: int, stylus_range: 
     """
     place = first % len(rows)
     for taken in range(count):
-        row = rows[place]
-        place = place + 1 if place + 1 < len(rows) else 0
-        phase, event = row["phase"], row["event"]
-        free = is_free(phase)
-        if free:
-            same = counts["under_way"] != 0 and row["trial"] == counts["trial"] and row["attempt"] == counts["attempt"]
-            if not same or (phase == _RUNNING and row["run_ticks"] == 0):
-                _begin(counts, row)
-            counts["ticks"] += 1
-            counts["late"] += row["late_ns"] > LATE_NS
-            counts["last"], counts["mark_ticks"] = row["tick"], row["mark_ticks"]
-        edge, limited = abs(row["left_used_z"]) >= stylus_range, (row["left_safeguards"] & clamped) != 0
-        _count(counts, 0, row["left_live"], row["left_stamp_ns"], row["left_sent_z"], edge, limited, free)
-        edge, limited = abs(row["right_used_z"]) >= stylus_range, (row["right_safeguards"] & clamped) != 0
-        _count(counts, 1, row["right_live"], row["right_stamp_ns"], row["right_sent_z"], edge, limited, free)
-        if not free:
-            counts["under_way"] = 0
-            continue
-        then = SUCCESSOR[phase, event] if 0 <= event < _CAUSES else phase
-        if not is_free(then):
-            counts["under_way"], counts["ended"], counts["cause"] = 0, 1, event
+        if tally_tick(counts, rows[place], stylus_range, clamped):
             return taken + 1
+        place = place + 1 if place + 1 < len(rows) else 0
     return count
+
+
+@inlined
+def tally_tick(counts: np.void, row: np.void, stylus_range: float, clamped: int) -> bool:
+    """Count a tick, and return whether it has ended an attempt; the arguments are those of `tally`."""
+    phase, event = row["phase"], row["event"]
+    free = is_free(phase)
+    if free:
+        same = counts["under_way"] != 0 and row["trial"] == counts["trial"] and row["attempt"] == counts["attempt"]
+        if not same or (phase == _RUNNING and row["run_ticks"] == 0):
+            _begin(counts, row)
+        counts["ticks"] += 1
+        counts["late"] += row["late_ns"] > LATE_NS
+        counts["last"], counts["mark_ticks"] = row["tick"], row["mark_ticks"]
+    edge, limited = abs(row["left_used_z"]) >= stylus_range, (row["left_safeguards"] & clamped) != 0
+    _count(counts, 0, row["left_live"], row["left_stamp_ns"], row["left_sent_z"], edge, limited, free)
+    edge, limited = abs(row["right_used_z"]) >= stylus_range, (row["right_safeguards"] & clamped) != 0
+    _count(counts, 1, row["right_live"], row["right_stamp_ns"], row["right_sent_z"], edge, limited, free)
+    if not free:
+        counts["under_way"] = 0
+        return False
+    then = SUCCESSOR[phase, event] if 0 <= event < _CAUSES else phase
+    if is_free(then):
+        return False
+    counts["under_way"], counts["ended"], counts["cause"] = 0, 1, event
+    return True
 
 
 def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> float:
@@ -308,8 +315,12 @@ class Referee:
 
     Attributes
     ----------
+    tally : ndarray of TALLY, shape (1,)
+        Counts of the newest attempt, for a kernel that counts ticks by `tally_tick`.
     counts : TALLY record
-        Counts of the newest attempt.
+        The same memory as a record.
+    limits : (float, int)
+        Last arguments of `tally_tick`: range of the styluses [m], and `clamped`.
     """
 
     def __init__(self, config: Config, clamped: int) -> None:
@@ -317,14 +328,15 @@ class Referee:
         watched = (block.station,) if block.configuration == "bimanual" else SIDES
         movers = {"left": block.left, "right": block.right}
         self._rules, self._block = config.quality, block
-        self._range, self._clamped = config.task.stylus_range, int(clamped)
+        self.limits = config.task.stylus_range, int(clamped)
         self._stations = [side for side in watched if config.physics.balls and movers[side] == "person"]
         self._frames: dict[str, list[tuple[int, int]]] = {}
-        self.counts = empty_tally()
+        self.tally = np.array([empty_tally()])
+        self.counts = self.tally[0]
 
     def warm(self) -> None:
         """Compile the kernels of `watch`, or load them from the cache."""
-        tally(empty_tally(), np.zeros(1, TICK), 0, 1, self._range, self._clamped)
+        tally(empty_tally(), np.zeros(1, TICK), 0, 1, *self.limits)
 
     def paint(self, station: str, tick: int, painted_ns: int) -> None:
         """Take note of a frame that a display has painted; frames outside an attempt are ignored.
@@ -360,14 +372,19 @@ class Referee:
         list of Verdict
             Verdicts of the attempts that ended in these ticks.
         """
-        verdicts = []
+        verdicts: list[Verdict] = []
         stop = first + count
         while first < stop:
-            first += tally(self.counts, rows, first, stop - first, self._range, self._clamped)
-            if self.counts["ended"]:
-                verdicts.append(self._verdict())
-                self.counts["ended"] = 0
+            first += tally(self.counts, rows, first, stop - first, *self.limits)
+            verdicts += self.verdicts()
         return verdicts
+
+    def verdicts(self) -> list[Verdict]:
+        """Return the verdict of the attempt that the last tick counted has ended; none if it has ended none."""
+        if not self.counts["ended"]:
+            return []
+        self.counts["ended"] = 0
+        return [self._verdict()]
 
     def _verdict(self) -> Verdict:
         """Judge the attempt that has just ended, and discard the frames up to its end."""
