@@ -74,13 +74,13 @@ def _attend(
 _attend_other = _attend
 
 
-def _watch(watched: Any, rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
+def _watch(watched: tuple[object, ...], rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
     """Placeholder for what watches each tick."""
     raise NotImplementedError
 
 
 @inlined
-def _look_away(watched: Any, rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
+def _look_away(watched: tuple[object, ...], rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
     """Watch nothing."""
     return False
 
@@ -93,7 +93,7 @@ class Watcher(NamedTuple):
     """
 
     kernel: Callable[..., bool]
-    data: Any
+    data: tuple[object, ...]
 
 
 UNWATCHED = Watcher(_look_away, ())
@@ -133,7 +133,7 @@ def _loop(
     one: Seat,
     other: Seat,
     completions: NDArray[np.float64],
-    watched: Any,
+    watched: tuple[object, ...],
 ) -> int:
     """Run ticks with both devices and both seats, until the block ends or what watches them says so.
 

@@ -167,7 +167,19 @@ def tally(counts: np.void, rows: Records, first: int, count: int, stylus_range: 
 
 @inlined
 def tally_tick(counts: np.void, row: np.void, stylus_range: float, clamped: int) -> bool:
-    """Count a tick, and return whether it has ended an attempt; the arguments are those of `tally`."""
+    """Count a tick, and return whether it has ended an attempt.
+
+    Parameters
+    ----------
+    counts : TALLY record
+        Counts so far; changed in place.
+    row : TICK record
+        The tick with its outputs.
+    stylus_range : float
+        Heights are clipped to +- this [m].
+    clamped : int
+        Bit of the safeguards for a force at its limit [1].
+    """
     phase, event = row["phase"], row["event"]
     free = is_free(phase)
     if free:
@@ -380,7 +392,7 @@ class Referee:
         return verdicts
 
     def verdicts(self) -> list[Verdict]:
-        """Return the verdict of the attempt that the last tick counted has ended; none if it has ended none."""
+        """Judge the attempt that the newest tick has ended; the list is empty if it has ended none."""
         if not self.counts["ended"]:
             return []
         self.counts["ended"] = 0
