@@ -80,7 +80,9 @@ def _watch(watched: tuple[object, ...], rows: Records, words: Words, numbers: Nu
 
 
 @inlined
-def _look_away(watched: tuple[object, ...], rows: Records, words: Words, numbers: Numbers, place: int, before: int) -> bool:
+def _look_away(
+    watched: tuple[object, ...], rows: Records, words: Words, numbers: Numbers, place: int, before: int
+) -> bool:
     """Watch nothing."""
     return False
 
