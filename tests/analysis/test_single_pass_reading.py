@@ -14,7 +14,7 @@ from netboard.recording.export.runs import runs_of
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.quality_check import judged
-from netboard.task.trials.quality import FIELDS_NEEDED, Referee, empty_tally, tally
+from netboard.task.trials.quality import FIELDS_NEEDED, Referee, empty_tally, tally, tally_columns
 
 pytestmark = pytest.mark.slow
 
@@ -28,6 +28,18 @@ def test_partial_fields_give_the_same_quality_verdicts(recordings: tuple[Path, .
         assert list(found) == referee.watch(rows, 0, len(rows)) != []
 
 
+def test_portions_of_columns_are_those_of_the_rows(recordings: tuple[Path, ...]) -> None:
+    names = ("theta", "tick", "left_rendered", "late_ns")
+    with Recording(recordings[0]) as recording:
+        rows = recording.ticks(as_sent=True)
+        portions = list(recording.portions(names))
+        assert len(portions) > 1
+        for name in names:
+            assert np.concatenate([one[name] for one in portions]).tobytes() == rows[name].tobytes()
+        with pytest.raises(ValueError, match="no field tilt"):
+            next(recording.portions(("tilt",)))
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_tally_of_partial_fields_equals_that_of_whole_ticks(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -36,12 +48,14 @@ def test_tally_of_partial_fields_equals_that_of_whole_ticks(seed: int) -> None:
     few = np.zeros(400, np.dtype([(name, TICK[name]) for name in FIELDS_NEEDED]))
     for name in FIELDS_NEEDED:
         few[name] = rows[name]
-    whole, part = empty_tally(), empty_tally()
+    columns = tuple(rows[name].copy() for name in FIELDS_NEEDED)
+    whole, part, apart = empty_tally(), empty_tally(), empty_tally()
     first = 0
     while first < 400:
         taken = tally(whole, rows, first, 400 - first, 0.05, 4)
         assert tally(part, few, first, 400 - first, 0.05, 4) == taken
-        assert whole.tobytes() == part.tobytes()
+        assert tally_columns(apart, columns, first, 400 - first, 0.05, 4) == taken
+        assert whole.tobytes() == part.tobytes() == apart.tobytes()
         first += taken
 
 

@@ -22,6 +22,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.batches import PLACES, PLACES_NAME, BatchLayout, attempt_values, attempts_of, pack
 from netboard.recording.format.channels import CHANNELS, PLOTTED_EVERY
+from netboard.recording.format.decoding import MOST
 from netboard.recording.format.predictions import CONSTANTS, UNKNOWN, constants_of
 from netboard.recording.format.summary import find_attempts
 from samples import CONFIG_TEXT, OPENED_NS, SPECIAL, metadata, random_rows
@@ -64,6 +65,42 @@ def test_batches_decoded_together_equal_batches_decoded_alone() -> None:
     found = BatchLayout(SCHEMA).decode(messages, ("left_rendered",))
     assert list(found) == ["left_rendered"]
     assert found["left_rendered"].tobytes() == rows["left_rendered"].tobytes()
+
+
+@pytest.mark.parametrize("setting", ["", "physics.hold=cv", "block.force_scale=2.0"])
+@pytest.mark.parametrize("names", [TICK.names, ("left_rendered",), ("late_ns", "omega"), ("right_az", "tick")])
+def test_compiled_decoder_equals_that_of_files_with_other_predictions(setting: str, names: tuple[str, ...]) -> None:
+    config = parse("", overrides=[setting] if setting else [])
+    rows = record(config, FIRST_MOVEMENT, 300)
+    parts = (rows[:1], rows[1:3], rows[3:], random_rows(50))
+    messages = [message(part, constants_of(config)) for part in parts]
+    schema = json.loads(SCHEMA)
+    schema["predictions"]["spare"] = schema["predictions"]["zz"]  # which numpy evaluates, as all of that file
+    found = [BatchLayout(one).decode(messages, names) for one in (SCHEMA, json.dumps(schema).encode())]
+    for name in names:
+        assert found[0][name].tobytes() == found[1][name].tobytes() == np.concatenate(parts)[name].tobytes(), name
+
+
+@pytest.mark.parametrize("count", [1, MOST, MOST + 1, 3 * MOST])
+def test_batch_of_any_length_keeps_its_bits(count: int) -> None:
+    rows = random_rows(count)
+    assert (
+        read(BatchLayout(SCHEMA), message(rows), message(rows[:1])).tobytes()
+        == np.concatenate([rows, rows[:1]]).tobytes()
+    )
+
+
+def test_columns_are_found_wherever_they_are_in_a_message() -> None:
+    rows = random_rows(5)
+    values = msgpack.unpackb(message(rows))
+    first = msgpack.packb({"columns": values.pop("columns")} | values)
+    assert read(BatchLayout(SCHEMA), first).tobytes() == rows.tobytes()
+    mark = "a" * 20 + "\xa7columns\xc6"
+    noted = msgpack.packb({"note": mark, "mark": b"\xa7columns\xc6\0\0\0\1"} | msgpack.unpackb(message(rows)))
+    assert read(BatchLayout(SCHEMA), noted).tobytes() == rows.tobytes()
+    cut = message(rows)[:-1]
+    with pytest.raises(RecordingError, match="not msgpack"):
+        BatchLayout(SCHEMA).decode([cut], ("tick",))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from math import nan
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.analysis.extraction.answers import FIELDS as ANSWERS
 from netboard.analysis.extraction.answers import answers
@@ -175,13 +174,14 @@ def _read(recording: Recording, readings: Readings) -> tuple[Columns, tuple[Verd
     wanted = tuple(dict.fromkeys((*columns_for(recording.config, readings), *_RENDERED)))
     columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
 
-    def portions() -> Iterator[NDArray[Any]]:
+    def portions() -> Iterator[Columns]:
         done = 0
-        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *FIELDS_NEEDED))), as_sent=True):
+        for found in recording.portions(tuple(dict.fromkeys((*wanted, *FIELDS_NEEDED)))):
+            stop = done + found["tick"].size
             for name, column in columns.items():
-                column[done : done + rows.size] = rows[name]
-            done += rows.size
-            yield rows
+                column[done:stop] = found[name]
+            done = stop
+            yield found
 
     return columns, judged_along(recording, portions())
 

@@ -12,6 +12,7 @@ chunks is built. A reader can then find a trial without reading the whole record
 """
 
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
@@ -26,6 +27,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_NS, TICK_WORDS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Payload, Stamped, unpack
 from netboard.recording.format.claims import ATTEMPTS, LAYOUT, MAX_STAMP_NS, stored_json
+from netboard.recording.format.decoding import MOST, SLOTS, Wanted, decode_batch, scratch
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, predict, require_known, uses
 from netboard.recording.format.summary import Attempt, find_attempts, or_nan, or_null
@@ -47,6 +49,11 @@ _BITS = np.dtype("<i8")
 _ORDERS = np.array([field.differences for field in TICK_FIELDS])
 _DIFFERENCED = [np.flatnonzero(times < _ORDERS) for times in range(_ORDERS.max())]
 """Columns that each pass of differencing takes: those of first order and above, of second and above, and so on."""
+
+_HEAD = 512
+"""Bytes of a message in which its columns begin, if they come last [1]."""
+_COUNT = struct.Struct(">I")
+_COLUMNS_LAST, _NO_COLUMNS = (msgpack.packb("columns") + value for value in (b"\xc6", b"\xc0"))  # bytes, or none
 
 _KEYS = ("phase", "trial", "attempt")
 _PLOTTED_NAMES = [field.name for field in PLOTTED]
@@ -107,6 +114,21 @@ def unpack_columns(
                 column[k] = total
 
 
+def _columns_apart(message: Payload) -> dict[str, Any] | None:
+    """Decode a message whose columns come last, and leave them where they are; None for any other message."""
+    head = bytes(message[:_HEAD])
+    place = head.find(_COLUMNS_LAST)
+    start = place + len(_COLUMNS_LAST) + _COUNT.size
+    if place < 0 or start > len(head):
+        return None
+    try:
+        values = unpack(head[:place] + _NO_COLUMNS)
+    except RecordingError:  # the mark was within something else
+        return None
+    (size,) = _COUNT.unpack_from(head, start - _COUNT.size)
+    return values | {"columns": memoryview(message)[start:]} if start + size == len(message) else None
+
+
 class BatchLayout:
     """Column layout of the batches in a file, and their decoder."""
 
@@ -123,6 +145,14 @@ class BatchLayout:
             raise RecordingError("the schema of its ticks has no column tick")
         self._predictions = require_known(described.predictions, (*self._names, *self._constants))
         self._folded = described.folded
+        # Else a file of another version, whose predictions numpy evaluates.
+        self._is_compiled = (
+            self._folded
+            and self._constants == CONSTANTS
+            and list(self._predictions.items()) == list(PREDICTIONS.items())
+            and set(self._names) == set(TICK.names or ())
+        )
+        self._known: dict[tuple[str, ...], Wanted] = {}
         for name, kind in self._kinds.items():
             if name in (TICK.names or ()) and kind != TICK[name]:
                 raise RecordingError(f"its column {name} has the type {kind.str}, expected {TICK[name].str}")
@@ -139,10 +169,12 @@ class BatchLayout:
 
     def decode(self, messages: Sequence[Payload], names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Decode columns of some batches; a column that the file does not have is zero."""
-        needed = self._needed(names)
-        there = np.flatnonzero([name in needed for name in self._names])
         batches = [self._batch(message) for message in messages]
         counts = np.array([planes.shape[2] for planes, _ in batches], np.int64)
+        if self._is_compiled and max(counts, default=0) <= MOST:
+            return self._decode_compiled(batches, int(counts.sum()), tuple(names))
+        needed = self._needed(names)
+        there = np.flatnonzero([name in needed for name in self._names])
         starts = np.cumsum(counts) - counts
         words = np.empty((len(there), counts.sum()), np.int64)
         for (planes, _), start in zip(batches, starts, strict=True):
@@ -156,6 +188,28 @@ class BatchLayout:
                 columns[name].view(np.int64)[:] += guess
         zero = np.zeros(int(counts.sum()), np.int64)
         return {name: columns[name] if name in columns else zero.view(TICK[name]) for name in names}
+
+    def _decode_compiled(
+        self, batches: Sequence[tuple[NDArray[np.uint8], list[float]]], count: int, names: tuple[str, ...]
+    ) -> dict[str, NDArray[Any]]:
+        """Decode columns of batches that together have a number of ticks."""
+        wanted = self._wanted(names)
+        columns, first = np.empty((len(names), count), np.int64), 0
+        for planes, constants in batches:
+            decode_batch(planes, wanted, np.array(constants), scratch.words, columns, first)
+            first += planes.shape[2]
+        return {name: column.view(TICK[name]) for name, column in zip(names, columns, strict=True)}
+
+    def _wanted(self, names: tuple[str, ...]) -> Wanted:
+        """Return what the compiled decoder needs to know of these columns."""
+        if names in self._known:
+            return self._known[names]
+        needed = self._needed(names)
+        places = np.flatnonzero([name in needed for name in self._names])
+        slots = np.array([SLOTS[self._names[place]] for place in places], np.int64)
+        predicted = np.array([name in needed for name in PREDICTIONS])
+        outputs = np.array([SLOTS[name] for name in names], np.int64)
+        return self._known.setdefault(names, Wanted(places, self._orders[places], slots, predicted, outputs))
 
     def _spread(self, constants: Sequence[list[float]], counts: NDArray[np.int64]) -> dict[str, Any]:
         """Return the constants by name: a number each if all batches have the same, or else one for each row."""
@@ -173,10 +227,10 @@ class BatchLayout:
 
     def _batch(self, message: Payload) -> tuple[NDArray[np.uint8], list[float]]:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
-        values = unpack(message)
+        values = _columns_apart(message) or unpack(message)
         data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])
         if (
-            not isinstance(data, bytes)
+            not isinstance(data, bytes | memoryview)
             or type(count) is not int
             or not len(data) == len(self._names) * WORD * count > 0
         ):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
 
 CONSTANTS = ("l", "left_k", "left_c", "right_k", "right_c", "left_felt", "right_felt", "moves", "bends")
 """Numbers of a block that predictions use; each batch has them.
@@ -145,6 +146,19 @@ def predict(
             if value.dtype.kind == "f":
                 value = np.where(np.isfinite(value), value, 0.0)
             yield name, value.view(np.int64)
+
+
+def kinds_of_values() -> dict[str, str]:
+    """Return the kind of each column of a tick, and of each value in `PREDICTIONS`: ``f`` number, ``i`` integer."""
+    numbers = {name: np.float64(value) for name, value in UNKNOWN.items()}
+    columns = {name: np.zeros(1, TICK[name]) for name in TICK.names or ()}
+    starts = np.zeros(1, np.int64)
+    scope: dict[str, Any] = {**numbers, **columns, "np": np, "before": _before(starts), "after": _after(starts)}
+    with np.errstate(all="ignore"):
+        for name, text in PREDICTIONS.items():
+            if name not in columns:
+                scope[name] = columns[name] = eval(_CODE[text], scope)
+    return {name: column.dtype.kind for name, column in columns.items()}
 
 
 def _before(starts: NDArray[np.int64]) -> Callable[[NDArray[Any]], NDArray[Any]]:

@@ -4,11 +4,13 @@ The ticks go to the referee in batches, each followed by its frames, as on a liv
 """
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from math import nan
 from operator import attrgetter
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
@@ -25,17 +27,17 @@ _PORTION = 100
 
 def judged(recording: Recording) -> tuple[Verdict, ...]:
     """Judge every completed attempt in a recording."""
-    return judged_along(recording, recording.batches(names=FIELDS_NEEDED, as_sent=True))
+    return judged_along(recording, recording.portions(FIELDS_NEEDED))
 
 
-def judged_along(recording: Recording, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
+def judged_along(recording: Recording, portions: Iterable[Mapping[str, NDArray[Any]]]) -> tuple[Verdict, ...]:
     """Judge every completed attempt while the ticks are read for another purpose.
 
-    ``portions``: all ticks in order, with at least the fields in `netboard.task.trials.quality.FIELDS_NEEDED`.
+    ``portions``: columns of all ticks in order, at least `netboard.task.trials.quality.FIELDS_NEEDED`.
     """
     judge = Judge(recording, recording.config)
-    for rows in portions:
-        judge.take(rows)
+    for columns in portions:
+        judge.take_columns(columns)
     return tuple(judge.verdicts)
 
 
@@ -49,11 +51,18 @@ class Judge:
 
     def take(self, rows: NDArray[Any]) -> None:
         """Take the next ticks."""
+        self._take(partial(self._referee.watch, rows), rows["tick"])
+
+    def take_columns(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        """Take the columns of the next ticks."""
+        self._take(partial(self._referee.watch_columns, columns), columns["tick"])
+
+    def _take(self, watch: Callable[[int, int], list[Verdict]], ticks: NDArray[np.int64]) -> None:
         first = 0
-        while first < rows.size:
-            count = min(_PORTION if self._frames else rows.size, rows.size - first)
-            self.verdicts += self._referee.watch(rows, first, count)
-            newest = rows["tick"][first + count - 1]
+        while first < ticks.size:
+            count = min(_PORTION if self._frames else ticks.size, ticks.size - first)
+            self.verdicts += watch(first, count)
+            newest = ticks[first + count - 1]
             while self._frames and self._frames[0].tick <= newest:
                 frame = self._frames.popleft()
                 self._referee.paint(frame.station, frame.tick, frame.painted_ns)

@@ -8,7 +8,7 @@ Here an attempt lasts from the release of the ball to its end, the hold included
 `TALLY`, which is reset at every release.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -87,6 +87,12 @@ FIELDS_NEEDED = (
 )
 """Fields of a tick that the rules read."""
 
+_Sample = tuple[int, int, float, float, int]
+"""Of one side at a tick: live, stamp_ns, sent_z, used_z, safeguards."""
+
+_Ticks = NDArray[Any] | tuple[NDArray[Any], ...]
+"""Rows of ticks, or columns in the order of `FIELDS_NEEDED`."""
+
 _RUNNING = int(Phase.RUNNING)
 _CAUSES = len(Cause)
 
@@ -105,12 +111,12 @@ def empty_tally() -> Any:
 
 
 @inlined
-def _begin(counts: np.void, row: np.void) -> None:
+def _begin(counts: np.void, tick: int, trial: int, attempt: int, run_ticks: int, theta: float) -> None:
     """Reset the counts for a new attempt."""
     counts["under_way"], counts["ended"], counts["cause"] = 1, 0, 0
-    counts["trial"], counts["attempt"], counts["release"] = row["trial"], row["attempt"], row["tick"]
-    counts["ticks"], counts["late"], counts["since_release"] = 0, 0, row["run_ticks"]
-    counts["start_tilt"] = row["theta"] if row["run_ticks"] == 0 else np.nan
+    counts["trial"], counts["attempt"], counts["release"] = trial, attempt, tick
+    counts["ticks"], counts["late"], counts["since_release"] = 0, 0, run_ticks
+    counts["start_tilt"] = theta if run_ticks == 0 else np.nan
     for side in range(2):
         counts["lost"][side], counts["clipped"][side], counts["saturated"][side] = 0, 0, 0
         counts["stuck"][side], counts["still"][side] = 0, 0
@@ -155,7 +161,7 @@ def tally(counts: np.void, rows: Records, first: int, count: int, stylus_range: 
     Returns
     -------
     int
-        Number of ticks counts: all, or those up to the first that ended an attempt [1].
+        Number of ticks counted: all, or those up to the first that ended an attempt [1].
     """
     place = first % len(rows)
     for taken in range(count):
@@ -180,27 +186,87 @@ def tally_tick(counts: np.void, row: np.void, stylus_range: float, clamped: int)
     clamped : int
         Bit of the safeguards for a force at its limit [1].
     """
-    phase, event = row["phase"], row["event"]
+    numbers = row["tick"], row["trial"], row["attempt"], row["phase"], row["event"]
+    times = row["run_ticks"], row["mark_ticks"], row["late_ns"]
+    left = row["left_live"], row["left_stamp_ns"], row["left_sent_z"], row["left_used_z"], row["left_safeguards"]
+    right = (
+        *(row["right_live"], row["right_stamp_ns"], row["right_sent_z"], row["right_used_z"]),
+        row["right_safeguards"],
+    )
+    return _take(counts, numbers, times, row["theta"], left, right, stylus_range, clamped)
+
+
+@kernel
+def tally_columns(
+    counts: np.void, columns: tuple[Any, ...], first: int, count: int, stylus_range: float, clamped: int
+) -> int:
+    """Count ticks of columns, up to the end of an attempt, as `tally` does.
+
+    Parameters
+    ----------
+    counts : TALLY record
+        Counts so far; changed in place.
+    columns : tuple of ndarray, shape (n,)
+        Columns of ticks, in the order of `FIELDS_NEEDED`.
+    first : int
+        Place of the first tick in them [1].
+    count : int
+        Number of ticks [1].
+    stylus_range : float
+        Heights are clipped to +- this [m].
+    clamped : int
+        Bit of the safeguards for a force at its limit [1].
+
+    Returns
+    -------
+    int
+        Number of ticks counted: all, or those up to the first that ended an attempt [1].
+    """
+    tick, trial, attempt, phase, event, run_ticks, mark_ticks, theta, late_ns = columns[:9]
+    left_live, right_live, left_stamp_ns, right_stamp_ns, left_sent_z, right_sent_z = columns[9:15]
+    left_used_z, right_used_z, left_safeguards, right_safeguards = columns[15:]
+    for k in range(first, first + count):
+        numbers, times = (tick[k], trial[k], attempt[k], phase[k], event[k]), (run_ticks[k], mark_ticks[k], late_ns[k])
+        left = left_live[k], left_stamp_ns[k], left_sent_z[k], left_used_z[k], left_safeguards[k]
+        right = right_live[k], right_stamp_ns[k], right_sent_z[k], right_used_z[k], right_safeguards[k]
+        if _take(counts, numbers, times, theta[k], left, right, stylus_range, clamped):
+            return k - first + 1
+    return count
+
+
+@inlined
+def _take(
+    counts: np.void,
+    numbers: tuple[int, int, int, int, int],
+    times: tuple[int, int, int],
+    theta: float,
+    left: _Sample,
+    right: _Sample,
+    stylus_range: float,
+    clamped: int,
+) -> bool:
+    """Count a tick, and return whether it has ended an attempt."""
+    (tick, trial, attempt, phase, event), (run_ticks, mark_ticks, late_ns) = numbers, times
     free = is_free(phase)
     if free:
-        same = counts["under_way"] != 0 and row["trial"] == counts["trial"] and row["attempt"] == counts["attempt"]
-        if not same or (phase == _RUNNING and row["run_ticks"] == 0):
-            _begin(counts, row)
+        same = counts["under_way"] != 0 and trial == counts["trial"] and attempt == counts["attempt"]
+        if not same or (phase == _RUNNING and run_ticks == 0):
+            _begin(counts, tick, trial, attempt, run_ticks, theta)
         counts["ticks"] += 1
-        counts["late"] += row["late_ns"] > LATE_NS
-        counts["last"], counts["mark_ticks"] = row["tick"], row["mark_ticks"]
-    edge, limited = abs(row["left_used_z"]) >= stylus_range, (row["left_safeguards"] & clamped) != 0
-    _count(counts, 0, row["left_live"], row["left_stamp_ns"], row["left_sent_z"], edge, limited, free)
-    edge, limited = abs(row["right_used_z"]) >= stylus_range, (row["right_safeguards"] & clamped) != 0
-    _count(counts, 1, row["right_live"], row["right_stamp_ns"], row["right_sent_z"], edge, limited, free)
+        counts["late"] += late_ns > LATE_NS
+        counts["last"], counts["mark_ticks"] = tick, mark_ticks
+    live, stamp_ns, sent_z, used_z, safeguards = left
+    _count(counts, 0, live, stamp_ns, sent_z, abs(used_z) >= stylus_range, (safeguards & clamped) != 0, free)
+    live, stamp_ns, sent_z, used_z, safeguards = right
+    _count(counts, 1, live, stamp_ns, sent_z, abs(used_z) >= stylus_range, (safeguards & clamped) != 0, free)
     if not free:
         counts["under_way"] = 0
         return False
     then = SUCCESSOR[phase, event] if 0 <= event < _CAUSES else phase
-    if is_free(then):
-        return False
-    counts["under_way"], counts["ended"], counts["cause"] = 0, 1, event
-    return True
+    if not is_free(then):
+        counts["under_way"], counts["ended"], counts["cause"] = 0, 1, event
+        return True
+    return False
 
 
 def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> float:
@@ -384,10 +450,33 @@ class Referee:
         list of Verdict
             Verdicts of the attempts that ended in these ticks.
         """
+        return self._watched(tally, rows, first, count)
+
+    def watch_columns(self, columns: Mapping[str, NDArray[Any]], first: int, count: int) -> list[Verdict]:
+        """Count finished ticks: each tick once, in order.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray, shape (n,)
+            Columns of ticks by name, at least `FIELDS_NEEDED` [SI].
+        first : int
+            Place of the first tick in them [1].
+        count : int
+            Number of ticks, at most n [1].
+
+        Returns
+        -------
+        list of Verdict
+            Verdicts of the attempts that ended in these ticks.
+        """
+        return self._watched(tally_columns, tuple(columns[name] for name in FIELDS_NEEDED), first, count)
+
+    def _watched(self, count_ticks: Callable[..., int], ticks: _Ticks, first: int, count: int) -> list[Verdict]:
+        """Count ticks with one of the kernels, and judge the attempts that end in them."""
         verdicts: list[Verdict] = []
         stop = first + count
         while first < stop:
-            first += tally(self.counts, rows, first, stop - first, *self.limits)
+            first += count_ticks(self.counts, ticks, first, stop - first, *self.limits)
             verdicts += self.verdicts()
         return verdicts
 
