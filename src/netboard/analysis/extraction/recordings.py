@@ -26,7 +26,7 @@ from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tick import TICK
-from netboard.recording.export.runs import Run
+from netboard.recording.export.runs import Run, identified
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import DTYPES
@@ -134,16 +134,22 @@ FIELDS = {
 
 def measure(run: Run, readings: Readings) -> Measured:
     """Return the tables of a recording."""
+    return identify_and_measure(run, readings)[1]
+
+
+def identify_and_measure(run: Run, readings: Readings) -> tuple[Run, Measured]:
+    """Return the tables of a recording, and its run with the people that its events tell: they are read once."""
     name = run.path.stem
     with Recording(run.path) as recording:
         columns, verdicts = _read(recording, readings)
+        run = identified(run, recording)
         block = BlockData.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired, events = bool(recording.recovery), recording.events()
     _refuse_repeats(run, block)
     flags = {(verdict.trial, verdict.attempt): verdict.flags for verdict in verdicts}
     takes = list(block.takes())
-    return Measured(
+    return run, Measured(
         columns_of(BLOCKS, [block_row(run, block, repaired, unknown)]),
         columns_of(TRIALS, [attempt_row(name, take, flags) for take in takes]),
         movements(name, takes),

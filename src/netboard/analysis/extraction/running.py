@@ -6,20 +6,21 @@ written to disk as they arrive.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from netboard.analysis.extraction.cache import Cache, key_of
-from netboard.analysis.extraction.recordings import Measured, measure
+from netboard.analysis.extraction.recordings import Measured, identify_and_measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.store import digests_of
 from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process.resources import peak_memory
+from netboard.base.process.workers import cores
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.runs import Run, numbered, runs_of, unnumbered_run
+from netboard.recording.export.runs import Run, described_run, numbered, unnumbered_run
 from netboard.recording.files.copies import each_recording_once
 from netboard.recording.files.locate import RECOVERABLE, recovery_command, sha256_of
 
@@ -67,31 +68,41 @@ def extract(
     *,
     skip: bool = False,
     meanwhile: Callable[[], object] = list,
+    digests: Mapping[Path, str] | None = None,
 ) -> Extraction:
     """Extract the tables of recordings, without a cache measuring all and storing nothing.
 
     `progress` is called with the numbers of finished and of all recordings; `meanwhile` once, when workers have begun.
-    RecordingError if a recording cannot be measured and `skip` is false, or none remains.
+    `digests`: the SHA-256 of each recording, if known. RecordingError if a recording cannot be measured and `skip` is
+    false, or none remains.
     """
     kept, copies = each_recording_once(recordings)
-    runs, left_out = _readable(kept) if skip else (runs_of(kept), [])
+    runs, left_out = _readable(kept) if skip else (numbered(_in_threads(described_run, kept)), [])
     left_out += [LeftOut(copy.path.name, copy.about(copy.of.name)) for copy in copies]
-    digests = digests_of([run.path for run in runs])
+    digests = digests_of([run.path for run in runs]) if digests is None else digests
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
     collector = _Collector(paths, progress, len(runs))
     if cache is not None:
         for path, key in keys.items():
             if (stored := cache.get(key)) is not None:
                 collector.add(path, stored)
-    missing = [run for run in runs if run.path not in collector.tables]
     cached, peak = set(collector.tables), 0.0
-    for run, answer in _answers(missing, digests, readings, workers_of, meanwhile):
+    known: dict[Path, Run] = {}
+
+    def others() -> None:
+        found = _in_threads(unnumbered_run, [run.path for run in runs if run.path in cached])
+        known.update((run.path, run) for run in found)
+        meanwhile()
+
+    missing = [run for run in runs if run.path not in cached]
+    for run, answer in _answers(missing, digests, readings, workers_of, others):
         if isinstance(answer, Exception):
             if not skip:
                 raise answer
             left_out.append(_left_out(run.path, answer))
             continue
-        measured, used = answer
+        people, measured, used = answer
+        known[run.path] = replace(people, path=run.path)
         peak = max(peak, used)
         if cache is not None:
             cache.put(keys[run.path], measured)
@@ -100,7 +111,11 @@ def extract(
         cache.trim()
     if not collector.tables:
         raise RecordingError("no recording can be measured")
-    sources = tuple(Source(run, digests[run.path], run.path in cached) for run in runs if run.path in collector.tables)
+    sources = tuple(
+        Source(replace(known[run.path], number=run.number), digests[run.path], run.path in cached)
+        for run in runs
+        if run.path in collector.tables
+    )
     left_out.sort(key=lambda one: one.file)
     tables = tuple(collector.tables[source.run.path] for source in sources)
     return Extraction(sources, tuple(left_out), tables, paths, peak)
@@ -123,13 +138,19 @@ class _Collector:
         self._progress(words, len(self.tables), self._total)
 
 
+def _in_threads(read: Callable[[Path], Run], recordings: Sequence[Path]) -> list[Run]:
+    """Read recordings in threads: decompression leaves them to each other."""
+    with ThreadPoolExecutor(cores()) as pool:
+        return list(pool.map(read, recordings))
+
+
 def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut]]:
     """Return the runs of the recordings that can be opened, and the others with reasons."""
     sound: list[Run] = []
     left_out: list[LeftOut] = []
     for path in recordings:
         try:
-            run = unnumbered_run(path)
+            run = described_run(path)
             numbered([run])  # its own names may collide
             sha256_of(path)  # reads every byte of it: a disk may fail at any
             sound.append(run)
@@ -152,9 +173,10 @@ def _answers(
     readings: Readings,
     workers_of: WorkerPool,
     meanwhile: Callable[[], object],
-) -> Iterator[tuple[Run, tuple[Measured, float] | NetboardError]]:
-    """Yield the tables or the error of each recording as it finishes."""
+) -> Iterator[tuple[Run, tuple[Run, Measured, float] | NetboardError]]:
+    """Yield the run with its people and the tables, or the error, of each recording as it finishes."""
     if not runs:
+        meanwhile()
         return
     with workers_of([run.path.absolute() for run in runs]) as executor:
         futures = {
@@ -170,8 +192,8 @@ def _answers(
                 yield run, error
 
 
-def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
-    """Extract one recording, possibly in another process or machine; return tables and peak memory in bytes [1]."""
+def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Run, Measured, float]:
+    """Extract one recording, possibly in another process or machine; return also the peak memory in bytes [1]."""
     if sha256_of(run.path) != sha256:
         raise RecordingError(f"{run.path}: has changed since the start, or is another file on the worker")
-    return measure(run, readings), peak_memory()
+    return *identify_and_measure(run, readings), peak_memory()

@@ -148,11 +148,18 @@ def _version(name: str) -> str:
         return ""
 
 
-def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
-    """Return the cache key of an analysis from everything that affects its output."""
-    named = [[str(path), digest] for path, digest in digests_of(recordings, _digest_or_error).items()]
+def key_of_analysis(
+    recordings: Sequence[Path], settings: bytes, options: Sequence[str], digests: Mapping[Path, str] | None = None
+) -> str:
+    """Return the cache key of an analysis from everything that affects its output. `digests`: if known."""
+    named = [[str(path), digest] for path, digest in (digests or digests_or_errors(recordings)).items()]
     inputs = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
     return hashlib.sha256(inputs.encode()).hexdigest()
+
+
+def digests_or_errors(recordings: Sequence[Path]) -> dict[Path, str]:
+    """Return the SHA-256 of files, or why one cannot be read."""
+    return digests_of(recordings, _digest_or_error)
 
 
 def _digest_or_error(path: Path) -> str:

@@ -4,6 +4,7 @@ An executor factory receives the recordings and checks that it can measure them 
 ends too early gives an error in one line.
 """
 
+import gc
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     BrokenExecutor,
@@ -66,6 +67,7 @@ def warm(executor: Executor, count: int, *modules: str) -> None:
 def _import(modules: Sequence[str]) -> None:
     for name in modules:
         import_module(name)
+    gc.freeze()  # the garbage collector would search all that the modules define, again and again
 
 
 T = TypeVar("T")

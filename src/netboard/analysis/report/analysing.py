@@ -8,7 +8,7 @@ import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from netboard.analysis.extraction.store import (
     Store,
     default_folder,
+    digests_or_errors,
     key_of_analysis,
     restore_analysis,
     store_entry,
@@ -95,7 +96,8 @@ def analyse(
         with telling() as tell:
             tell("reading the cache", 0, 1)
             options = (*overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}", *map(str, unfinished))
-            key = key_of_analysis(recordings, settings.encode(), options) if store else ""
+            digests = digests_or_errors(recordings) if store else None
+            key = key_of_analysis(recordings, settings.encode(), options, digests) if store else ""
             words = restore_analysis(store, key, whole) if store else None
         if words is not None:
             name_command(whole, _command())
@@ -104,7 +106,7 @@ def analyse(
             yield from (f"{first}; all were cached", *others)
             peak = 0.0
         else:
-            found = _Analysis(recordings, unfinished, scratch, folder, chosen, store)
+            found = _Analysis(recordings, unfinished, scratch, folder, chosen, store, digests)
             words = yield from found.lines(read, began)
             peak = found.peak
             if store:
@@ -126,9 +128,11 @@ class _Analysis:
         folder: Path,
         chosen: AnalysisOptions,
         store: Store | None,
+        digests: Mapping[Path, str] | None,
     ) -> None:
         self._recordings, self._unfinished = recordings, unfinished
         self._scratch, self._folder, self._chosen, self._store = scratch, folder, chosen, store
+        self._digests = digests
         self.peak = 0.0
         self.files: dict[str, str] = {}
 
@@ -194,6 +198,7 @@ class _Analysis:
             tell,
             skip=chosen.skip,
             meanwhile=partial(import_module, REPORTING),
+            digests=self._digests,
         )
         parts = tuple(LeftOut(path.name, UNFINISHED) for path in self._unfinished)
         found = replace(found, left_out=(*found.left_out, *parts))

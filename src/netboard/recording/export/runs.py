@@ -82,15 +82,31 @@ def require_people(runs: Sequence[Run]) -> None:
 def unnumbered_run(path: Path) -> Run:
     """Return the run of a recording, numbered 0; raises `RecordingError` if the recording is unreadable or empty."""
     with Recording(path) as recording:
-        if not recording.counts["/ticks"]:
-            raise RecordingError(f"{path}: contains no ticks; leave it out (netboard analyse: --skip-unreadable)")
-        if lost := [name for name in _NEEDED if name not in recording.metadata]:
-            raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
-        metadata, config = recording.metadata, recording.config
-        session = _label(config.session.dyad + config.session.name)
-        rig = rig_of(config, metadata, recording.events(), recording.attempts())
-        people = tuple(people_in(config, metadata, rig))
-        return Run(path, metadata, config, session, number=0, people=people, stand_ins=rig.stand_ins_in_words)
+        return identified(_described(recording), recording)
+
+
+def described_run(path: Path) -> Run:
+    """Return the run of a recording without reading any event: whether its people are simulated is not known yet."""
+    with Recording(path) as recording:
+        return _described(recording)
+
+
+def _described(recording: Recording) -> Run:
+    path = recording.path
+    if not recording.counts["/ticks"]:
+        raise RecordingError(f"{path}: contains no ticks; leave it out (netboard analyse: --skip-unreadable)")
+    if lost := [name for name in _NEEDED if name not in recording.metadata]:
+        raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
+    metadata, config = recording.metadata, recording.config
+    session = _label(config.session.dyad + config.session.name)
+    return Run(path, metadata, config, session, number=0, people=tuple(people_in(config, metadata)))
+
+
+def identified(run: Run, recording: Recording) -> Run:
+    """Return a run with its people and stand-ins, as the events of its recording tell."""
+    rig = rig_of(run.config, run.metadata, recording.events(), recording.attempts())
+    people = tuple(people_in(run.config, run.metadata, rig))
+    return replace(run, people=people, stand_ins=rig.stand_ins_in_words)
 
 
 def numbered(runs: Sequence[Run]) -> tuple[Run, ...]:
