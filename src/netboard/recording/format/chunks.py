@@ -5,7 +5,6 @@ of 1 kHz ticks loads in seconds.
 """
 
 import struct
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from mmap import mmap
 from threading import local
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import Bytes, waiting
 from netboard.base.errors import RecordingError
+from netboard.recording.format.checksum import crc32
 from netboard.recording.format.claims import require_chunk, shown
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -72,7 +72,7 @@ def unpack_chunk(body: bytes) -> bytes:
         raise RecordingError(f"a damaged chunk: {error!s:.200}") from error
     if len(data) != size:
         raise RecordingError(_CONTRADICTION)
-    if crc and zlib.crc32(data) != crc:
+    if crc and crc32(data) != crc:
         raise RecordingError("a damaged chunk: its checksum is wrong")
     return data
 
