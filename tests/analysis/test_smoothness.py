@@ -6,8 +6,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from monalysa.quality import smoothness as oracle
 from scipy.integrate import quad
+from scipy.signal import zoom_fft
 
 from netboard.analysis.measures.smoothness import (
+    _chirp,
+    _zoomed,
     dimensionless_jerk,
     log_dimensionless_jerk,
     spectral_arc_length,
@@ -38,6 +41,15 @@ def test_smoothness_equals_published_values() -> None:
 
 
 @pytest.mark.evidence("independent", spectral_arc_length, dimensionless_jerk, log_dimensionless_jerk, by="monalysa")
+@given(st.integers(2, 20_000), st.integers(0, 2**32))
+def test_shared_chirp_gives_the_bits_of_the_library(n: int, seed: int) -> None:
+    v, longest = np.random.default_rng(seed).standard_normal(n), 1 << (n - 1).bit_length()
+    count = longest * 16 // 100 + 1
+    span = count / (longest * 16)
+    expected = zoom_fft(v, count * 1000.0 / (longest * 16), count, fs=1000.0)
+    assert np.abs(_zoomed(v, _chirp(longest, count, span))).tobytes() == np.abs(expected).tobytes()
+
+
 @pytest.mark.parametrize("count", [1, 2, 5, 9])
 @pytest.mark.parametrize("seed", range(4))
 def test_smoothness_equals_the_authors_program(count: int, seed: int) -> None:

@@ -16,7 +16,7 @@ from netboard.analysis.extraction.details import movements
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.trials import BlockData
 from netboard.benchmarks.harness.results import ResultPart
-from netboard.recording.export.runs import runs_of
+from netboard.recording.export.runs import identified, runs_of
 from netboard.recording.files.reader import Recording
 
 MOST = 4
@@ -25,7 +25,7 @@ MOST = 4
 STEPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "open, read the index": (Recording.__init__,),
     "read ticks, judge attempts": (extraction._read,),
-    "attempts, events": (BlockData.of.__func__,),  # type: ignore[attr-defined]
+    "attempts, events": (BlockData.of.__func__, identified),  # type: ignore[attr-defined]
     "filter": (vars(BlockData)["whole"].func, vars(BlockData)["forces"].func),
     "measures of attempts (with the filter of forces)": (extraction.attempt_row,),
     "movements of the board": (movements,),

@@ -8,11 +8,12 @@ shape. The definitions are those of Balasubramanian, Melendez-Calderon and Burde
 Jerk is the third derivative of position: compute it from filtered signals only.
 """
 
-from typing import Literal
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import zoom_fft
+from scipy.fft import fft, ifft, next_fast_len
 
 Cutoff = Literal["adaptive", "fixed"]
 Scale = Literal["peak_speed", "mean_speed"]
@@ -64,7 +65,7 @@ def spectral_arc_length(
     size = 2 ** (int(np.ceil(np.log2(len(v)))) + padding)
     count = int(highest * size / rate) + 1
     frequencies = np.arange(count) * (rate / size)
-    magnitude = np.abs(zoom_fft(v, count * rate / size, count, fs=rate))
+    magnitude = np.abs(_zoomed(v, _chirp(size >> padding, count, count * rate / size / rate)))
     magnitude /= magnitude.max()
     if cutoff == "adaptive":
         above = np.flatnonzero(magnitude >= threshold)
@@ -72,6 +73,34 @@ def spectral_arc_length(
             return np.nan
         frequencies, magnitude = frequencies[above[0] : above[-1] + 1], magnitude[above[0] : above[-1] + 1]
     return float(-np.hypot(np.diff(frequencies) / (frequencies[-1] - frequencies[0]), np.diff(magnitude)).sum())
+
+
+class _Chirp(NamedTuple):
+    """A chirp and its inverse, for signals up to their length; `count` frequencies follow from it [1]."""
+
+    values: NDArray[np.complex128]
+    inverse: NDArray[np.complex128]
+    count: int
+
+
+@lru_cache(maxsize=32)
+def _chirp(longest: int, count: int, span: float) -> _Chirp:
+    """Return the chirp for frequencies from 0 to a share of the sampling rate; all signals of a padded length share it.
+
+    Its exponentials take longer than the transform of a trial.
+    """
+    k = np.arange(max(longest, count))
+    values = np.exp(-(1j * np.pi * span * k**2) / count)
+    return _Chirp(values, 1 / values, count)
+
+
+def _zoomed(v: NDArray[np.float64], chirp: _Chirp) -> NDArray[np.complex128]:
+    """Return the spectrum that `scipy.signal.zoom_fft` returns, to the bit."""
+    n, count = len(v), chirp.count
+    length = next_fast_len(n + count - 1)
+    kernel = fft(np.concatenate((chirp.inverse[n - 1 : 0 : -1], chirp.inverse[:count])), length)
+    around = ifft(kernel * fft(v * chirp.values[:n], length))
+    return np.asarray(around[n - 1 : n + count - 1] * chirp.values[:count])
 
 
 def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
