@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
 from evidence.physics.statics import equilibrium
@@ -26,6 +27,15 @@ from netboard.physics.simulation import energies_of, simulate
 
 RATE = 1000.0
 FORCES = arrays(float, 20, elements=st.floats(-4.0, 4.0).map(lambda force: round(force, 3)))
+
+
+@given(st.integers(0, 2000), st.integers(0, 2**32), st.sampled_from((1.0, 0.0, -0.0, np.nan)))
+def test_integral_has_the_bits_of_the_library(count: int, seed: int, factor: float) -> None:
+    generator = np.random.default_rng(seed)
+    values = generator.standard_normal(count) * 10.0 ** generator.integers(-9, 9)
+    values[count // 2 :] *= factor
+    expected = np.float64(trapezoid(values**2, dx=1.0 / RATE))
+    assert np.float64(effort(values, RATE)).tobytes() == expected.tobytes()
 
 
 @pytest.mark.evidence("truth", supports)

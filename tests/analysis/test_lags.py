@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import pearsonr
 from two_hands import minimum_jerk_rate
 
-from netboard.analysis.measures.lags import lag_of, leadership, peak_delay, windowed_lags
+from netboard.analysis.measures.lags import _normalise, lag_of, leadership, peak_delay, windowed_lags
 
 RATE = 1000.0
 
@@ -57,6 +57,34 @@ def test_coefficients_equal_pearsonr_of_scipy() -> None:
     assert found.at_once == pytest.approx(pearsonr(left, right).statistic, abs=1e-12)
     assert round(found.delay) == 3
     assert found.coefficient >= pearsonr(left[3:], right[:-3]).statistic
+
+
+def in_arrays(products: np.ndarray, a: np.ndarray, b: np.ndarray, squares: tuple[float, float]) -> np.ndarray:
+    """Coefficients at all delays as operations of numpy on whole arrays."""
+    n, reach = len(a), len(products) // 2
+    lags = np.arange(-reach, reach + 1)
+    count, first, other = n - np.abs(lags), np.maximum(lags, 0), np.maximum(-lags, 0)
+
+    def sums(x: np.ndarray, start: np.ndarray) -> np.ndarray:
+        total = np.concatenate([[0.0], np.cumsum(x)])
+        return total[start + count] - total[start]
+
+    sum_a, sum_b = sums(a, first), sums(b, other)
+    vary_a, vary_b = sums(a * a, first) - sum_a**2 / count, sums(b * b, other) - sum_b**2 / count
+    vary = np.where((vary_a > 1e-12 * squares[0]) & (vary_b > 1e-12 * squares[1]), vary_a * vary_b, np.nan)
+    return (products - sum_a * sum_b / count) / np.sqrt(vary)
+
+
+@given(st.integers(12, 400), st.integers(0, 2**32), st.booleans())
+def test_compiled_coefficients_have_the_bits_of_array_operations(n: int, seed: int, constant: bool) -> None:
+    generator = np.random.default_rng(seed)
+    a, b = np.cumsum(generator.standard_normal((2, n)), axis=1)
+    if constant:
+        b[5:] = b[5]
+    products, values = generator.standard_normal(21), np.empty(21)
+    squares = float(np.sum(a * a)), float(np.sum(b * b))
+    _normalise(products, a, b, *squares, values)
+    assert values.tobytes() == in_arrays(products, a, b, squares).tobytes()
 
 
 def test_lag_at_the_end_of_the_search_range_is_nan() -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.measures.signals import paired
+from netboard.base.compiled import kernel
 
 Axis = Literal["tilt", "heave"]
 Rule = Literal["opposing", "half_difference"]
@@ -194,4 +195,37 @@ def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute
 
 def _integral(values: NDArray[np.float64], rate: float) -> float:
     """Integrate samples over time by the trapezoidal rule, as `scipy.integrate.trapezoid` does, to the bit."""
-    return float(np.sum(1.0 / rate * (values[1:] + values[:-1]) / 2.0))
+    return float(_trapezoids(np.ascontiguousarray(values), 1.0 / rate))
+
+
+@kernel
+def _trapezoids(values: NDArray[np.float64], step: float) -> float:
+    if len(values) < 2:
+        return 0.0
+    parts = np.empty(len(values) - 1)
+    for k in range(len(parts)):
+        parts[k] = step * (values[k + 1] + values[k]) / 2.0
+    return 0.0 + _sum(parts, 0, len(parts))  # a sum of negative zeros is a positive one in numpy
+
+
+@kernel
+def _sum(values: NDArray[np.float64], first: int, count: int) -> float:
+    """Add values in the order of `numpy.sum`: eight partial sums of up to 128 values, and then of pairs of halves."""
+    total: float = values[first]
+    if count < 8:
+        for k in range(first + 1, first + count):
+            total += values[k]
+        return total
+    if count <= 128:
+        a, b, c, d = values[first], values[first + 1], values[first + 2], values[first + 3]
+        e, f, g, h = values[first + 4], values[first + 5], values[first + 6], values[first + 7]
+        whole = first + count - count % 8
+        for k in range(first + 8, whole, 8):
+            a, b, c, d = a + values[k], b + values[k + 1], c + values[k + 2], d + values[k + 3]
+            e, f, g, h = e + values[k + 4], f + values[k + 5], g + values[k + 6], h + values[k + 7]
+        total = ((a + b) + (c + d)) + ((e + f) + (g + h))
+        for k in range(whole, first + count):
+            total += values[k]
+        return total
+    half = count // 2 - count // 2 % 8
+    return _sum(values, first, half) + _sum(values, first + half, count - half)

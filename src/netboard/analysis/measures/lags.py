@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from netboard.analysis.measures.signals import paired
+from netboard.base.compiled import kernel
 
 Relation = Literal["mirrored", "alike"]
 Overlap = Literal["pearson", "full"]
@@ -194,27 +195,45 @@ def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "moveme
 def _correlations(a: NDArray[np.float64], b: NDArray[np.float64], reach: int, overlap: Overlap) -> NDArray[np.float64]:
     """Correlate at delays of -reach to reach samples: element ``reach + k`` compares ``a[i + k]`` with ``b[i]``."""
     a, b = a - a.mean(), b - b.mean()
-    n, lags = len(a), np.arange(-reach, reach + 1)
-    size = next_fast_len(n + reach, real=True)  # so that no delay of the search wraps around
+    size = next_fast_len(len(a) + reach, real=True)  # so that no delay of the search wraps around
     around = irfft(rfft(a, size) * np.conj(rfft(b, size)), size)
     products = np.concatenate([around[size - reach :], around[: reach + 1]])
     # Not `a @ a`: its last bits depend on the number of threads of the linear algebra library.
     square_a, square_b = np.sum(a * a), np.sum(b * b)
     if overlap == "full":
         return np.asarray(products / np.sqrt(square_a * square_b))
-    count, first, other = n - np.abs(lags), np.maximum(lags, 0), np.maximum(-lags, 0)
-    sum_a, sum_b = _sums(a, first, count), _sums(b, other, count)
-    vary_a = _sums(a * a, first, count) - sum_a**2 / count
-    vary_b = _sums(b * b, other, count) - sum_b**2 / count
-    # Rounding leaves a residue on constant signals, which is not a variance.
-    vary = np.where((vary_a > 1e-12 * square_a) & (vary_b > 1e-12 * square_b), vary_a * vary_b, np.nan)
-    return np.asarray((products - sum_a * sum_b / count) / np.sqrt(vary))
+    values = np.empty(2 * reach + 1)
+    _normalise(products, a, b, float(square_a), float(square_b), values)
+    return values
 
 
-def _sums(x: NDArray[np.float64], first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the sums of segments of a signal."""
-    total = np.concatenate([[0.0], np.cumsum(x)])
-    return np.asarray(total[first + count] - total[first])
+@kernel
+def _normalise(
+    products: NDArray[np.float64],
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    square_a: float,
+    square_b: float,
+    values: NDArray[np.float64],
+) -> None:
+    """Write Pearson's coefficient of the overlapping samples at each delay, from the sums of products."""
+    n, reach = len(a), len(products) // 2
+    total_a, total_b, total_aa, total_bb = np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
+    total_a[0] = total_b[0] = total_aa[0] = total_bb[0] = 0.0
+    total_a[1], total_b[1], total_aa[1], total_bb[1] = a[0], b[0], a[0] * a[0], b[0] * b[0]
+    for k in range(1, n):
+        total_a[k + 1], total_aa[k + 1] = total_a[k] + a[k], total_aa[k] + a[k] * a[k]
+        total_b[k + 1], total_bb[k + 1] = total_b[k] + b[k], total_bb[k] + b[k] * b[k]
+    for place in range(len(products)):
+        lag = place - reach
+        count, first, other = n - abs(lag), max(lag, 0), max(-lag, 0)
+        sum_a, sum_b = total_a[first + count] - total_a[first], total_b[other + count] - total_b[other]
+        vary_a = total_aa[first + count] - total_aa[first] - sum_a * sum_a / count
+        vary_b = total_bb[other + count] - total_bb[other] - sum_b * sum_b / count
+        # Rounding leaves a residue on constant signals, which is not a variance.
+        varies = vary_a > 1e-12 * square_a and vary_b > 1e-12 * square_b
+        vary = vary_a * vary_b if varies else np.nan
+        values[place] = (products[place] - sum_a * sum_b / count) / np.sqrt(vary)
 
 
 def _vertex(values: NDArray[np.float64], best: int) -> tuple[float, float]:

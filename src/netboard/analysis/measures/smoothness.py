@@ -76,11 +76,11 @@ def spectral_arc_length(
 
 
 class _Chirp(NamedTuple):
-    """A chirp and its inverse, for signals up to their length; `count` frequencies follow from it [1]."""
+    """A chirp and its inverse, for signals up to their length, and the number of frequencies [1]."""
 
     values: NDArray[np.complex128]
     inverse: NDArray[np.complex128]
-    count: int
+    frequencies: int
 
 
 @lru_cache(maxsize=32)
@@ -96,7 +96,7 @@ def _chirp(longest: int, count: int, span: float) -> _Chirp:
 
 def _zoomed(v: NDArray[np.float64], chirp: _Chirp) -> NDArray[np.complex128]:
     """Return the spectrum that `scipy.signal.zoom_fft` returns, to the bit."""
-    n, count = len(v), chirp.count
+    n, count = len(v), chirp.frequencies
     length = next_fast_len(n + count - 1)
     kernel = fft(np.concatenate((chirp.inverse[n - 1 : 0 : -1], chirp.inverse[:count])), length)
     around = ifft(kernel * fft(v * chirp.values[:n], length))
