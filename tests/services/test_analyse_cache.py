@@ -1,10 +1,13 @@
 """A cached analysis is restored bit for bit, and never used for other data, settings or code."""
 
+import errno
 import json
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -87,6 +90,30 @@ def test_repeated_analysis_is_restored_from_the_cache_bit_for_bit(study: Path, m
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_analysis_goes_on_without_a_cache_whose_disk_is_full(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["netboard", "analyse"])
+    make, made = store_module.NamedTemporaryFile, []
+
+    def make_few(**options: Any) -> Any:
+        made.append(options)
+        if len(made) > 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return make(**options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store_module, "NamedTemporaryFile", make_few)
+        said = analyse(study, "-o", "full")
+    warning = "warning: cache: results cannot be cached there: No space left on device; --no-cache keeps none"
+    assert said.count("No space left") == 1
+    assert warning in said.splitlines()
+    assert len(made) == 4, "nothing is tried after a failure"
+    assert not list(Path("cache").glob(f"*{ANALYSIS}"))
+    assert not list(Path().glob(".*"))
+    assert "No space left" not in analyse(study, "-o", "again")
+    assert contents("again") == contents("full")
+
+
 def test_files_that_change_during_an_analysis_are_restored_as_written(
     study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

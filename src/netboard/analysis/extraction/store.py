@@ -114,6 +114,22 @@ class Store:
             raise self._refused(error) from error
 
 
+class SpareStore(Store):
+    """A store without which its user can go on: after a failed write nothing is written, and `failure` says why."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.failure = ""
+
+    def put(self, name: str, content: bytes) -> None:
+        """Store an entry, if all before it could be stored."""
+        if not self.failure:
+            try:
+                super().put(name, content)
+            except RecordingError as error:
+                self.failure = str(error)
+
+
 PACKAGES = ("netboard", "netboard.services")
 """Packages whose sources affect an analysis."""
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from netboard.analysis.extraction.store import (
+    SpareStore,
     Store,
     default_folder,
     digests_or_errors,
@@ -90,7 +91,7 @@ def analyse(
     folder = output or Path(f"{named[0].resolve().stem}_analysis")
     refuse_existing(folder)
     recordings, unfinished = find_recordings(named), find_unfinished(named)
-    store = Store(chosen.cache or default_folder()) if chosen.keep else None
+    store = SpareStore(chosen.cache or default_folder()) if chosen.keep else None
     with scratch_folder(folder) as scratch:
         (whole := scratch / "whole").mkdir()
         with telling() as tell:
@@ -111,6 +112,8 @@ def analyse(
             peak = found.peak
             if store:
                 store_entry(store, key, found.files, words)
+                if store.failure:
+                    yield f"warning: {store.failure}"
     yield _in_total(folder, time.perf_counter() - began, peak)
 
 
