@@ -13,13 +13,13 @@ from typing import NamedTuple
 import lz4.frame
 import numpy as np
 import zstandard
+from isal.isal_zlib import crc32
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from netboard.base.compiled import Bytes, waiting
 from netboard.base.errors import RecordingError
-from netboard.recording.format.checksum import crc32
 from netboard.recording.format.claims import require_chunk, shown
 
 MAGIC = b"\x89MCAP0\r\n"
