@@ -47,7 +47,7 @@ def test_change_in_an_imported_file_invalidates_the_kernel_cache(tmp_path: Path)
     assert list((package / "__pycache__").glob("kernels-*")) == [old]
     models, elsewhere = (
         package / "physics" / "scene" / "models.py",
-        package / "analysis" / "measures" / "performance.py",
+        package / "analysis" / "report" / "answer.py",
     )
     elsewhere.write_text(elsewhere.read_text() + "\nX = 1\n")
     assert printed_by(FOLDER) == str(old)  # no kernel uses it
