@@ -27,7 +27,7 @@ class Shown(NamedTuple):
 
 STUDIES = (
     Shown("analysis", "explanation/analysis-speed.md", "analysis-",
-          "costs scaling memory whole again", "analysis machine"),
+          "costs scaling memory whole tasks again", "analysis machine"),
     Shown("attacks", "explanation/faults.md", "", "attacks", "attacks machine"),
     Shown("calibration", "explanation/analysis-calibration.md", "calibration-",
           "about false-positives power interaction variations differences effect-sizes", "calibration machine"),
