@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -117,6 +118,7 @@ def study(
                 tell(f"rehearsing: block {done} of {total}", 0.4 * done / total)
 
             recordings = rehearse_study(made, *size, workers, progress)
+        recordings = mixed(recordings)
         tell("compiling the kernels", 0.4)
         in_fresh_process(cost_of_tables, recordings[:1], 1, place / "compiled")
         rows = []
@@ -136,6 +138,16 @@ def study(
         tell("running netboard analyse twice", 0.97)
         again = recordings[: rows[0].recordings] if quick else recordings
         yield _command(*run_twice(again, workers, place / "twice"))
+
+
+def mixed(recordings: Sequence[Path]) -> list[Path]:
+    """Return recordings of the first and of the second half in turn.
+
+    The halves of a short study differ: in one of them, no block may have haptics off, and so controls.
+    """
+    half = -(-len(recordings) // 2)
+    pairs = zip_longest(recordings[:half], recordings[half:])
+    return [path for pair in pairs for path in pair if path is not None]
 
 
 def _row(recordings: Sequence[Path], workers: int, cache: Path, rounds: int) -> Row:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from evidence.__main__ import app
 from evidence.analysis import costs, speed_bench
 from evidence.analysis.costs import TablesCost, Time
-from evidence.analysis.speed_bench import SHARES, Row, _row, _scaling, line
+from evidence.analysis.speed_bench import SHARES, Row, _row, _scaling, line, mixed
 from evidence.analysis.step_costs import STEPS
 from rehearsed_study import small_study
 
@@ -82,3 +82,9 @@ def test_benchmark_writes_every_table(tmp_path: Path, monkeypatch: pytest.Monkey
     assert all(after[1] > before[1] and after[2] > before[2] for before, after in pairwise(rows))
     assert [row[0] for row in parts["scaling"]["rows"]] == ["reading alone", "uncached", "cached"]
     assert Path("analysis.json").read_bytes() == Path("out/results.json").read_bytes()
+
+
+def test_shares_have_recordings_of_both_halves() -> None:
+    study = [Path(f"{place}.mcap") for place in range(7)]
+    assert [int(path.stem) for path in mixed(study)] == [0, 4, 1, 5, 2, 6, 3]
+    assert mixed(study[:1]) == study[:1]
