@@ -22,6 +22,7 @@ from typing import Any, get_type_hints
 
 import typer.main
 from study_tables import DOCS, cell, loop_in_short, study_tables
+from wire_tables import messages
 
 from netboard.base.config import Config
 from netboard.base.device_kind import DeviceKind
@@ -294,6 +295,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "participant parameters": ("explanation/participants-model.md", participant_parameters),
     "partner models": ("explanation/participants-model.md", partner_models),
     "device models": ("explanation/participants-model.md", device_models),
+    "messages": ("../src/netboard/network/protocol/PROTOCOL.md", messages),
     "trigger codes": ("how-to/triggers.md", trigger_codes),
     "analysis evidence": ("explanation/analysis-evidence.md", analysis_evidence),
     **study_tables(),

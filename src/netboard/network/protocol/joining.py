@@ -44,7 +44,9 @@ class Hello:
         Version of the sender's software.
     details : dict of str
         Further information for the recording. Of an agent: ``device`` (backend), ``kind`` (as in `Status.devices`),
-        ``maker``, ``model``, ``serial`` and limits. Of a display: ``platform``, Qt's name of what draws it.
+        ``maker``, ``model``, ``serial`` and limits; ``policy``, ``policy_sha256`` and ``policy_parameters`` if no
+        person moves its stylus, and ``seated`` (``true``) while that is the robot partner of a block: a block of a
+        person then waits for the agent's own device. Of a display: ``platform``, Qt's name of what draws it.
     """
 
     role: str

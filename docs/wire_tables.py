@@ -1,23 +1,15 @@
-"""The tables of PROTOCOL.md, made from the messages' type hints and docstrings.
-
-Run as a script, this brings the tables in PROTOCOL.md up to date; a test checks that they are.
-"""
+"""The sections of the messages in PROTOCOL.md, made from their type hints and docstrings, for `docs/generate.py`."""
 
 import dataclasses
 import inspect
 import re
 import types
 import typing
-from pathlib import Path
 from typing import Any
 
 from netboard.base.safeguards import Safeguard
-from netboard.network.protocol import codec
 from netboard.network.protocol.joining import ROLES
 from netboard.network.protocol.messages import CHOICES, KINDS, MessageKind
-
-PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
-BEGIN, END = "<!-- tables: begin (made by tests/network/wire_tables.py) -->", "<!-- tables: end -->"
 
 _SCALARS = {int: "int", float: "float", str: "str", bytes: "bin", bool: "bool"}
 
@@ -111,33 +103,6 @@ def safeguards() -> str:
     return "\n".join(lines) + "\n"
 
 
-def tables() -> str:
-    """Text between the two marks of PROTOCOL.md."""
-    return "\n".join([*(section(number, kind) for number, kind in KINDS.items()), safeguards()])
-
-
-def renewed(text: str) -> str:
-    """PROTOCOL.md with its tables up to date."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{tables()}\n{END}{after}"
-
-
-def documented_fields(text: str) -> dict[int, tuple[str, list[tuple[str, str]]]]:
-    """Tables of PROTOCOL.md: kind -> (message, [(field, type), ...]), read from the text, not from the classes."""
-    found: dict[int, tuple[str, list[tuple[str, str]]]] = {}
-    for part in re.split(r"^### ", text, flags=re.MULTILINE):
-        heading = re.match(r"(\w+): kind (\d+)", part)
-        if heading:
-            rows = re.findall(r"^\| \d+ \| `(\w+)` \| ([^|]+) \|", part, flags=re.MULTILINE)
-            found[int(heading[2])] = (heading[1], rows)
-    return found
-
-
-def main() -> None:
-    """Bring PROTOCOL.md up to date."""
-    PROTOCOL.write_text(renewed(PROTOCOL.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+def messages() -> str:
+    """The sections of all messages."""
+    return "\n".join([*(section(number, kind) for number, kind in KINDS.items()), safeguards()]).rstrip()
