@@ -124,7 +124,7 @@ class Policy(ABC):
         state : ndarray, shape (1,)
             Its state, from `initial` [SI].
         side : {"left", "right"}
-            The hand.
+            Which of its hands, one of `sides`.
         """
         return 0.0, 0.0
 

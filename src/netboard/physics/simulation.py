@@ -63,7 +63,7 @@ class Steps:
     Attributes
     ----------
     method : str
-        Name of the method.
+        Word of the method in ``physics.method``, or of a reference solution: ``taylor``, ``dop853``.
     longest : float
         Largest step; infinite for whole intervals between samples and rows, and for steps from a tolerance [s].
     substeps : int
@@ -95,7 +95,7 @@ class Motion:
     count : int
         Number of steps [1].
     longest : float
-        The longest step [s].
+        Longest step taken [s].
     """
 
     t: NDArray[np.float64]

@@ -10,6 +10,8 @@ Parameters
 ----------
 s : record of netboard.base.tick.STATE
     State of the stage, updated in place.
+rows : ndarray of TICK, shape (n,), or one record of it
+    Ticks of a block, in any order.
 row : record of netboard.base.tick.TICK
     The tick, updated in place.
 limit : float
@@ -25,7 +27,7 @@ config : Config
 curtain : Curtain, or record of netboard.stage.curtain.CURTAIN
     What the participants of a block may see.
 station : str
-    ``left`` or ``right``: the seat of the participant who sees the view.
+    ``left`` or ``right``: the seat of the participant who sees the view or display.
 number : int
     Number of a tick, from 0 [1].
 delay : int

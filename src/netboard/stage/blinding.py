@@ -43,11 +43,6 @@ def for_display(config: Config, station: Side) -> Config:
 
     A robot partner is a person in it, at the other side, and nobody at the side of the display, which has nothing to
     show. Levels of factors, labels and settings of the partners are left out.
-
-    Parameters
-    ----------
-    station : str
-        The station.
     """
     block = config.block
     if getattr(block, station) != PERSON:  # the display is away, whatever moves the hands
@@ -87,7 +82,7 @@ def shown_details(name: str, details: Mapping[str, str]) -> dict[str, str] | Non
     name : str
         Name of the event.
     details : mapping of str
-        Its details.
+        All details of the event.
     """
     if name in _UNSHOWN or details.get("reason") == ANOTHER_HOLDER:
         return None

@@ -213,7 +213,7 @@ def view_of(
     Parameters
     ----------
     row : netboard.base.tick.TICK record
-        The tick.
+        The tick to show, which stays as it is.
     best : float or None
         Best completion time of the block so far [s].
     sent_ns : int

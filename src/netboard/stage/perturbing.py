@@ -77,34 +77,12 @@ PERTURBATION = "perturbation"
 
 
 def is_perturbed(rows: NDArray[Any] | np.void, config: Config) -> NDArray[np.bool_]:
-    """Return a mask of the ticks of a block in which a perturbation acts.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,), or one record of it
-        The ticks.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        Whether it acts [1].
-    """
+    """Return a mask of the ticks of a block in which a perturbation acts, shape (n,) [1]."""
     return np.asarray((rows["perturbation"] != 0.0) & bool(config.perturbation.trials))
 
 
 def begins_perturbation(rows: NDArray[Any] | np.void, config: Config) -> NDArray[np.bool_]:
-    """Return a mask of the ticks of a block at which a perturbation begins.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,), or one record of it
-        The ticks.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        Whether it begins [1].
-    """
+    """Return a mask of the ticks of a block at which a perturbation begins, shape (n,) [1]."""
     return np.asarray(is_perturbed(rows, config) & (rows["perturbed_ticks"] == 0))
 
 
@@ -164,7 +142,7 @@ def push_ball(x: State, force: float, parts: Parts, scene: np.void) -> State:
     Parameters
     ----------
     x : tuple of float
-        The state [SI].
+        The state before the tick [SI].
     force : float
         The force along the board, + = right [N].
     parts : Parts
@@ -179,8 +157,8 @@ def push_board(hands: State, force: float) -> State:
 
     Parameters
     ----------
-    hands : tuple of float
-        The drives [SI].
+    hands : tuple of float, length 8
+        Polynomials of both drives during a tick [SI].
     force : float
         The force at the board's centre, + = up [N].
     """

@@ -120,11 +120,11 @@ class Convergence:
     Attributes
     ----------
     groups : ndarray of int64, shape (k,)
-        Group numbers [1].
+        Number of each group, ascending [1].
     ellipses : tuple of Ellipse
-        Ellipse of each group.
+        Ellipse of each group; all NaN for fewer than `FEWEST` points.
     variance : ndarray, shape (k, 2)
-        Variances of distance and velocity [m2, m2/s2].
+        Variances of distance and velocity; NaN for fewer than `FEWEST` points [m2, m2/s2].
     generalised : ndarray, shape (k,)
         Generalised variance: the determinant of the covariance matrix [m4/s2].
     """
@@ -161,7 +161,7 @@ def convergence(
     Parameters
     ----------
     groups : ndarray of int64, shape (n,)
-        Group of each trial [1].
+        Group of each trial, as `groups_of` numbers them [1].
     extent, scaling
         As for `ellipse`.
     """

@@ -103,7 +103,7 @@ class SurrogateComparison:
     n : int
         Number of units of replication [1].
     unit : str
-        Name of that unit.
+        Name of that unit, such as ``dyad``.
     exact : bool
         Whether all permutations were evaluated; otherwise a random sample.
     """

@@ -135,9 +135,9 @@ def windowed_lags(
     Parameters
     ----------
     window : float
-        Window length [s].
+        Length of a window; a window that the signals do not fill is left out [s].
     step : float
-        Step between windows [s].
+        Time from the start of a window to that of the next; they overlap if it is shorter than `window` [s].
     longest : float
         Largest delay in the search, shorter than the window [s].
 

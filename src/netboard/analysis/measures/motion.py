@@ -260,7 +260,7 @@ def find_completion(
     inside : {"centre", "whole_ball"}
         Part of the ball that must be in the target, edges included: its centre, or all of it.
     radius : float
-        Radius of the ball [m].
+        Radius of the ball, which only ``whole_ball`` uses [m].
     """
     reach = half_width if inside == "centre" else half_width - radius
     ball, least = np.ascontiguousarray(p, np.float64), ticks_of(hold, rate)

@@ -171,7 +171,7 @@ def passive_partner(
     active : array_like, shape (n,)
         Height of the partner's stylus [m].
     gains : Gains
-        Gains of its side.
+        Gains of the haptic feedback on the passive hand.
     """
     push = -gains.partner * np.asarray(active, dtype=float) - gains.ball * np.asarray(p, dtype=float)
     return driven(push, rate, replace(hand, stiffness=hand.stiffness + gains.own))

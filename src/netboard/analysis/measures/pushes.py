@@ -38,8 +38,6 @@ def push_response(deviation: NDArray[np.float64], rate: float) -> PushResponse:
     ----------
     deviation : ndarray, shape (n,)
         Deviation from the course without the push, + = in the direction of the push, from the onset on [any].
-    rate : float
-        Sampling rate [Hz].
     """
     if not len(deviation) or not np.isfinite(deviation).all():
         return PushResponse(nan, nan, nan)

@@ -112,7 +112,7 @@ def board_segments(
     shortest : float
         Minimum duration, as defined by `netboard.analysis.measures.signals.lasting` [s].
     least_angle : float
-        Minimum angle [rad].
+        Minimum angle of a movement, measured as `angle` says [rad].
     """
     if omega.shape != theta.shape or omega.ndim != 1:
         raise ValueError("the board's tilt and its rate must have one value each for every sample")

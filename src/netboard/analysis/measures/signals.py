@@ -97,10 +97,10 @@ class LowPass:
 
         Parameters
         ----------
-        signals : sequence of ndarray, shape (n,)
-            Signals [as given].
+        signals : sequence of ndarray, shape (n_k,)
+            Signals of one sampling rate, which may differ in length [as given].
         breaks : sequence of sequence of int
-            Breaks of each signal [1].
+            For each signal, the first samples after its jumps; empty for none [1].
         """
         sections, steady = _sections(self.pass_order, self.pass_cutoff(rate), rate)
         longest = round(self.pad * rate) if self.padding != "none" else 0

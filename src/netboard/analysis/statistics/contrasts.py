@@ -26,10 +26,11 @@ class Contrast:
     Attributes
     ----------
     name : str
+        What differs between the conditions, such as ``haptics``.
     n : int
         Number of units with both conditions [1].
     unit : str
-        Name of that unit.
+        Name of that unit, such as ``dyad``.
     labels : tuple
         Labels of the units, in order.
     first, second : tuple of float

@@ -24,11 +24,11 @@ def d_prime(hits: float, signals: float, false_alarms: float, others: float) -> 
     hits : float
         Signals answered as such [1].
     signals : float
-        Signals in all [1].
+        All signals, answered as such or not [1].
     false_alarms : float
         Other events answered as signals [1].
     others : float
-        Other events in all [1].
+        All other events, whatever the answer [1].
     """
     if not 0 <= hits <= signals or not 0 <= false_alarms <= others:
         raise ValueError(

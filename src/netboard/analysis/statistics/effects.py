@@ -109,10 +109,11 @@ class Component:
     Attributes
     ----------
     name : str
+        The random effect, or ``residual``.
     variance : float
-        Variance [square of the log of the response].
+        Estimate, 0 or more [square of the log of the response].
     deviation : float
-        Standard deviation [log of the response].
+        Square root of the variance [log of the response].
     levels : int
         Number of levels of the random effect [1].
     """
@@ -159,7 +160,7 @@ class Model:
     Attributes
     ----------
     name, equation : str
-        Name and equation of the model.
+        Kind of model and method of fit, and the equation.
     fitted : bool
         Whether there are estimates; otherwise the notes say why not, and every number of the model is NaN.
     converged : bool
@@ -325,7 +326,7 @@ def diagnose(design: ModelDesign, residuals: NDArray[np.float64], fitted: NDArra
     Parameters
     ----------
     residuals, fitted : ndarray of float64, shape (n,)
-        Residuals and fitted values [log of the response].
+        Residuals, on any one scale, and fitted values, in the order of the design's trials [log of the response].
     """
     scaled = residuals / residuals.std()
     n = len(scaled)

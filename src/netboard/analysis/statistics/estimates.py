@@ -44,7 +44,7 @@ class Estimate:
     n : int
         Number of units of replication [1].
     unit : str
-        Name of that unit.
+        Name of that unit, such as ``dyad``.
     method : str
         Method of the confidence interval.
     """
@@ -86,7 +86,7 @@ def mean_interval(
     Parameters
     ----------
     within : Range
-        Range of the quantity.
+        Range of the quantity, one of those above.
     events : float
         Number of events or non-events of which a share is made, which limits its effective sample size; infinite for a
         share of time [1].

@@ -48,7 +48,7 @@ class Test:
     n : int
         Number of units in the test [1].
     unit : str
-        Name of that unit.
+        Name of that unit, such as ``dyad``.
     exact : bool
         Whether all arrangements were evaluated; otherwise a random sample.
     method : str

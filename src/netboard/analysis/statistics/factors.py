@@ -30,6 +30,7 @@ class FixedFactor:
     Attributes
     ----------
     name : str
+        Name in equations and effects, such as ``haptics``.
     values : ndarray, shape (n,)
         Level of each trial: text, a boolean or a number [its own].
     levels : tuple
@@ -160,7 +161,7 @@ class ModelDesign:
     Attributes
     ----------
     values : ndarray of float64, shape (n,)
-        Response [its own].
+        Response of each of these trials, in order [its own].
     dyads, performers : ndarray of int64, shape (n,)
         Dyad and performer numbers, from 0; a performer belongs to one dyad [1].
     factors : tuple of Factor

@@ -35,7 +35,7 @@ class Penalised:
     covariance : ndarray of float64, shape (k, k)
         Inverse information of independent trials [square of a coefficient's].
     means : ndarray of float64, shape (n,)
-        Fitted means [the response's].
+        Fitted mean of each trial: a count, or a probability [the response's].
     likelihood : float
         Penalised log-likelihood [1].
     converged : bool

@@ -96,7 +96,7 @@ def extreme_condition(design: ModelDesign, what: str, value: float) -> str:
     what : str
         Meaning of that value, such as ``none failed``.
     value : float
-        Extreme value [its own].
+        End of the range of the response: 0, or 1 for a share [its own].
     """
     whole = cells_of(design, ())[0]
     if whole.mean == value:

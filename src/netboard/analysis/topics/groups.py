@@ -375,13 +375,7 @@ SHORTER = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Window sizes of a study.
-
-    Attributes
-    ----------
-    ends_note, group_note : str
-        Reasons for deviating from the paper's sizes; empty for the paper's or set sizes.
-    """
+    """Window sizes of a study, and why they are not the paper's; the notes are empty for the paper's or set sizes."""
 
     ends: int
     group: int

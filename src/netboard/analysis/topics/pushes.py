@@ -51,25 +51,11 @@ QUANTITIES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pushed:
-    """Mean deviation of each performer after a push at a place, in a condition.
-
-    Attributes
-    ----------
-    place : str
-        ``ball``, ``board``, ``left`` or ``right``.
-    performers : tuple of (str, str)
-        Dyad and performer of each row.
-    deviations : ndarray, shape (k, n)
-        Deviation of each performer at `TIMES`, + = in the direction of the push [m].
-    responses : tuple of PushResponse
-        Response of each performer.
-    trials : int
-        Perturbation trials in all [1].
-    """
+    """Responses of performers to a push, with their mean deviation at `TIMES`, + = in the push's direction [m]."""
 
     condition: Condition
-    place: str
-    performers: tuple[tuple[str, str], ...]
+    place: str  # ``ball``, ``board``, ``left`` or ``right``
+    performers: tuple[tuple[str, str], ...]  # dyad and performer of each row
     deviations: NDArray[np.float64]
     responses: tuple[PushResponse, ...]
     trials: int

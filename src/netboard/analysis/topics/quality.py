@@ -36,7 +36,7 @@ class StudyQuality:
         ``timed_out``, ``counts``, ``excluded`` (successes and others), ``missing`` ticks and ``time``, the geometric
         mean completion time of the trials that count [1, s].
     reasons : dict of str to int
-        Reasons for exclusion, with numbers of attempts [1].
+        Number of attempts excluded for each reason [1].
     drifts : tuple of float
         Change of the log completion time per block, for each dyad [1].
     drift : Estimate

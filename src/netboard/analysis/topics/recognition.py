@@ -44,26 +44,12 @@ _KINDS_OF_NOBODY = ("own", "still")
 
 @dataclass(frozen=True, slots=True)
 class Opinions:
-    """Answers beside a kind of partner.
+    """Answers beside a kind of partner: their number, the share of "a person", and that of each dyad [1]."""
 
-    Attributes
-    ----------
-    partner : str
-        ``person``, ``still`` or the name of a robot partner, or `ROBOTS`.
-    answers : int
-        Number of answers [1].
-    share : Estimate
-        Share of answers "a person" [1].
-    sensitivity : Estimate or None
-        d' between people and this kind of partner; None for people themselves and without an answer beside people [1].
-    dyads : tuple of float
-        Share of each dyad [1].
-    """
-
-    partner: str
+    partner: str  # ``person``, ``still`` or the name of a robot partner, or `ROBOTS`
     answers: int
     share: Estimate
-    sensitivity: Estimate | None
+    sensitivity: Estimate | None  # d' between people and this kind; None for people, and without an answer beside them
     dyads: tuple[float, ...]
 
 

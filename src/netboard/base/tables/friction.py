@@ -32,7 +32,7 @@ class Friction:
     Attributes
     ----------
     name : str
-        Name in the documentation.
+        Name of the law, in words, for the documentation.
     formula : str
         The force, in the symbols of docs/explanation/physics.md.
     source : str

@@ -71,7 +71,7 @@ class Perturbation:
         Parameters
         ----------
         trial : int
-            Number of the trial [1].
+            Number of the trial in the block, from 1; 0 before the first [1].
         """
         if self.at == "none" or trial not in self.trials:
             return 0.0

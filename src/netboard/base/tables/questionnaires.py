@@ -92,19 +92,12 @@ def packed(questionnaire: str, name: str, question: FormQuestion) -> str:
     ----------
     questionnaire, name : str
         Names of the questionnaire and of the question.
-    question : FormQuestion
-        The question.
     """
     return json.dumps({"id": f"{questionnaire}.{name}", **asdict(question)}, ensure_ascii=False)
 
 
 def questions_of(form: Form) -> dict[str, FormQuestion]:
     """Return the questions of a form by their id, ``QUESTIONNAIRE.NAME``.
-
-    Parameters
-    ----------
-    form : Form
-        The table ``[form]``.
 
     Raises
     ------
@@ -125,13 +118,7 @@ def questions_of(form: Form) -> dict[str, FormQuestion]:
 
 
 def flaws(question: FormQuestion) -> Iterator[str]:
-    """Find what is wrong in a question whose keys are valid.
-
-    Parameters
-    ----------
-    question : FormQuestion
-        The question.
-    """
+    """Find what is wrong in a question whose keys are valid."""
     if question.kind == "choice" and len({*question.choices}) < max(2, len(question.choices)):
         yield "choices: expected two or more different ones for a choice"
     if question.kind != "choice" and question.choices:
@@ -141,13 +128,7 @@ def flaws(question: FormQuestion) -> Iterator[str]:
 
 
 def flaws_of_form(questions: Mapping[str, FormQuestion]) -> Iterator[str]:
-    """Find reasons why the answers to some questions do not fit one message.
-
-    Parameters
-    ----------
-    questions : mapping of str to FormQuestion
-        The questions after one block by their id.
-    """
+    """Find reasons why the answers to some questions do not fit one message."""
     if len(questions) > MAX_QUESTIONS:
         yield f"found {len(questions)} questions after one block, expected at most {MAX_QUESTIONS}"
     pairs = (PAIR_BYTES + len(name.encode()) + _most_bytes(question) for name, question in questions.items())
@@ -177,8 +158,6 @@ def problem_of(question: FormQuestion, answer: str) -> str:
 
     Parameters
     ----------
-    question : FormQuestion
-        The question.
     answer : str
         The text; empty: skipped.
     """
@@ -199,13 +178,7 @@ def problem_of(question: FormQuestion, answer: str) -> str:
 
 
 def limits_of(question: FormQuestion) -> tuple[float, float]:
-    """Return the least and the greatest answer of a likert or visual analogue scale [1], or of a number [its unit].
-
-    Parameters
-    ----------
-    question : FormQuestion
-        The question.
-    """
+    """Return the least and the greatest answer of a likert or visual analogue scale [1], or of a number [its unit]."""
     if question.kind == "number":
         return question.minimum, question.maximum
     return (1.0, float(question.steps)) if question.kind == "likert" else (0.0, float(FULL_SCALE))
@@ -216,10 +189,8 @@ def problems_of(questions: Mapping[str, FormQuestion], answers: Mapping[str, str
 
     Parameters
     ----------
-    questions : mapping of str to FormQuestion
-        The questions of a form by their id.
     answers : mapping of str to str
-        The answers, likewise.
+        Answers by the id of their question; an empty one was skipped.
     """
     for name, answer in answers.items():
         if name not in questions:
@@ -253,13 +224,5 @@ SHIPPED: dict[str, dict[str, FormQuestion]] = {"person": PERSON_FORM}
 
 
 def public_details(event: str, details: Mapping[str, str]) -> dict[str, str]:
-    """Return the details of an event that may be shown, and sent to others than the logger.
-
-    Parameters
-    ----------
-    event : str
-        Name of the event.
-    details : mapping of str
-        Its details.
-    """
+    """Return the details of an event that may be shown, and sent to others than the logger."""
     return {name: details[name] for name in PUBLIC_DETAILS.get(event, tuple(details))}

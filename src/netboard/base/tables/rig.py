@@ -81,23 +81,11 @@ class Stations:
     ] = 5560
 
     def of(self, side: Literal["left", "right"]) -> str:
-        """Return the address of a station's machine; empty if it is the server's.
-
-        Parameters
-        ----------
-        side : {"left", "right"}
-            Side of the station.
-        """
+        """Return the address of a station's machine; empty if it is the server's."""
         return self.left if side == "left" else self.right
 
     def port_of(self, side: Literal["left", "right"]) -> int:
-        """Return the port of the service at a station [1].
-
-        Parameters
-        ----------
-        side : {"left", "right"}
-            Side of the station.
-        """
+        """Return the port of the service at a station [1]."""
         return self.port + (side == "right")
 
 

@@ -91,16 +91,16 @@ class Triggers:
 
 
 class EventCode(NamedTuple):
-    """The code of an event, or of those of its events whose detail has a value.
+    """The code of an event, or of those events of this name whose detail has a value.
 
     Attributes
     ----------
     event : str
-        Name of the event.
+        One of `EVENTS`.
     detail : str
         Name of a detail, with or without its ``factor_``; empty for every event of this name.
     value : str
-        Value of the detail.
+        Value that the detail must have, a level without its description; empty without a detail.
     code : int
         Code of the pulse, 0 for none [1].
     """
@@ -111,15 +111,7 @@ class EventCode(NamedTuple):
     code: int
 
     def applies(self, event: str, details: Mapping[str, str]) -> bool:
-        """Return whether an event has this code; of a level such as ``heavy (2 kg)`` the name is enough.
-
-        Parameters
-        ----------
-        event : str
-            Name of the event.
-        details : mapping of str to str
-            Its details.
-        """
+        """Return whether an event has this code; of a level such as ``heavy (2 kg)`` the name is enough."""
         if event != self.event or not self.detail:
             return event == self.event
         found = details.get(self.detail, details.get(f"factor_{self.detail}", ""))
@@ -127,13 +119,7 @@ class EventCode(NamedTuple):
 
 
 def codes_of(triggers: Triggers) -> tuple[EventCode, ...]:
-    """Return the codes of all events in the order in which they are looked up: those with a detail first.
-
-    Parameters
-    ----------
-    triggers : Triggers
-        The table ``[triggers]``.
-    """
+    """Return the codes of all events in the order in which they are looked up: those with a detail first."""
     declared = [_entry(key, code) for key, code in triggers.codes.items()]
     plain = TRIAL_EVENTS | {entry.event: entry.code for entry in declared if not entry.detail}
     detailed = (entry for entry in declared if entry.detail)
@@ -147,10 +133,6 @@ def code_of(codes: Sequence[EventCode], event: str, details: Mapping[str, str]) 
     ----------
     codes : sequence of EventCode
         As `codes_of` returns them.
-    event : str
-        Name of the event.
-    details : mapping of str to str
-        Its details.
     """
     return next((entry.code for entry in codes if entry.applies(event, details)), 0)
 
@@ -163,13 +145,7 @@ def _entry(key: str, code: int) -> EventCode:
 
 
 def contradictions_of_triggers(triggers: Triggers) -> Iterator[str]:
-    """Yield a sentence for each code that no event can have.
-
-    Parameters
-    ----------
-    triggers : Triggers
-        The table ``[triggers]``.
-    """
+    """Yield a sentence for each code that no event can have."""
     for key, code in triggers.codes.items():
         where, entry = f'[triggers.codes] "{key}"', _entry(key, code)
         if entry.event not in EVENTS:

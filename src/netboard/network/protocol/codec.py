@@ -91,7 +91,7 @@ def message_of(kind: type[M], values: Mapping[str, Any]) -> M:
     Parameters
     ----------
     kind : type
-        Class of the message.
+        One of the classes in `netboard.network.protocol.messages.Message`.
     values : mapping of str
         The fields, all of them and no other.
 

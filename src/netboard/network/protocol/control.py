@@ -185,7 +185,7 @@ class Reply:
     Attributes
     ----------
     number : int
-        Number of the command [1].
+        `Command.number` of the command that it answers [1].
     accepted : bool
         Whether it is, or will be, carried out.
     reason : str
@@ -225,7 +225,7 @@ class Status:
     waiting_for : tuple of str
         Peers still missing.
     peers : tuple of str
-        Connected peers.
+        Connected peers, each by role and side, as in ``agent.left``.
     notice : str
         What the operator should know, or empty.
     links : tuple of LinkStatus

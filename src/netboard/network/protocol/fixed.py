@@ -68,7 +68,7 @@ def places_of(message: type[Message], *names: str) -> tuple[int, ...]:
     Parameters
     ----------
     names : str
-        Names of the fields.
+        Fields of the message, in the order wanted.
     """
     every = [name for name, _ in fields_of(message)]
     return tuple(map(every.index, names))
@@ -125,7 +125,7 @@ def write(frame: Bytes, form: FixedForm, words: Words) -> None:
     frame : ndarray of uint8
         Output: the frame, of the form's size.
     words : ndarray of int64, shape (n,)
-        The numbers as words.
+        The numbers in the order of the fields; a float by its bits.
     """
     place = len(form.head)
     for k in range(place):

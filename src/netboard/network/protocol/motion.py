@@ -22,7 +22,7 @@ class Stylus:
     x, y, z : float
         Position in the scene's frame: out of the screen, right, up [m].
     vx, vy, vz : float
-        Velocity [m/s].
+        Velocity in the same frame [m/s].
     buttons : int
         Bit mask of pressed buttons [1].
     safeguards : int
@@ -102,7 +102,7 @@ class Point:
     z : float
         Height of the point [m].
     vz : float
-        Its rate [m/s].
+        Vertical velocity of the point [m/s].
     k : float
         Stiffness of the virtual coupling between stylus and point [N/m].
     c : float

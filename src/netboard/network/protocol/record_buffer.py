@@ -75,9 +75,9 @@ class LogRing:
         cursor : int
             Number of the first record it has not been sent [1].
         most_records : int
-            Records in the batch [1].
+            Most records of the batch [1].
         most_bytes : int
-            Bytes of records in the batch; the first is sent whatever its size [1].
+            Most bytes of its records together; the first is sent whatever its size [1].
 
         Returns
         -------

@@ -70,7 +70,7 @@ class LogAck:
     file : str
         Name of the file that is being written.
     file_bytes : int
-        Its size, in bytes [1].
+        Size of that file so far, in bytes [1].
     """
 
     durable: int
@@ -116,7 +116,7 @@ class EventRecord:
     tick : int
         Tick at which it took effect [1].
     time_ns : int
-        Server time [ns].
+        Time of the event, server time [ns].
     name : str
         What happened, in snake case.
     details : dict of str

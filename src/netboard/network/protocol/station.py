@@ -47,7 +47,7 @@ class StationReport:
     side : str
         Side of the station.
     version : str
-        Version of its software.
+        Version of netboard at the station.
     machine : dict of str
         State of its machine in words, by what it is about.
     processes : tuple of ProcessStatus

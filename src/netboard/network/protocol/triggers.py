@@ -28,7 +28,7 @@ class Trigger:
     tick_ns : int
         Nominal time of this tick, server time [ns].
     event : str
-        Name of the event.
+        Name of the event, one of `netboard.base.tables.triggers.EVENTS`.
     code : int
         Code of the pulse, 1 to 255 [1].
     """
@@ -47,7 +47,7 @@ class PulseReport:
     Attributes
     ----------
     number : int
-        Number of the trigger [1].
+        `Trigger.number` of the trigger that it reports on [1].
     received_ns : int
         When the trigger was received, the peer's clock [ns].
     began_ns : int

@@ -106,7 +106,7 @@ def write_view(
     Parameters
     ----------
     frame : ndarray of uint8, shape (MAX_SIZE,)
-        Output: the frame.
+        Output: the frame, at its beginning; the rest keeps its bytes.
     curtains : ndarray of netboard.stage.curtain.CURTAIN, shape (1,)
         What the station may see.
     words : ndarray of int64, shape (n,)

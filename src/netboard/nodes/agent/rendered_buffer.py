@@ -21,15 +21,7 @@ def remember(rows: Records, seq: int, stamp_ns: int, rendered: float, safeguards
 
 
 class RenderedRing:
-    """Remembers the rendered force of each sample.
-
-    Attributes
-    ----------
-    rows : ndarray of RENDERED, shape (capacity,)
-        The ring.
-    next_seq : int
-        Number of the sample after the newest one.
-    """
+    """Ring buffer of the rendered force of each sample; `next_seq` numbers the sample after the newest one."""
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self.rows = np.zeros(capacity, RENDERED)

@@ -56,12 +56,9 @@ def library() -> Any:
 
 
 def compare(layer_clock: Callable[[], float], clock: Callable[[], int] = now_ns) -> tuple[int, int]:
-    """Compare the LSL clock with this machine's monotonic clock.
+    """Return by how much the LSL clock is ahead of this machine's monotonic clock, and a bound of the error [ns].
 
-    Returns
-    -------
-    (int, int)
-        Offset by which the LSL clock is ahead, 0 if both may be the same, and a bound of its error [ns].
+    The offset is 0 if both may be the same clock.
     """
     best = None
     for _ in range(COMPARISONS):

@@ -14,52 +14,20 @@ from netboard.base.tables.simulated import VirtualDevice
 
 @dataclass(frozen=True, slots=True)
 class DeviceModel:
-    """Parameters of one haptic device.
+    """Parameters of one haptic device [SI], with their source; no source publishes the estimates."""
 
-    Attributes
-    ----------
-    name : str
-        Name that the maker gives it.
-    mass : float
-        Apparent mass at the stylus [kg].
-    friction : float
-        Coulomb friction of the mechanism [N].
-    damping : float
-        Viscous damping of the mechanism [N s/m].
-    resolution : float
-        Encoder resolution at the stylus; 0 for no quantisation [m].
-    max_force : float
-        Peak force of the motors [N].
-    continuous_force : float
-        Largest continuous force of the motors [N].
-    workspace : float
-        Radius of the workspace [m].
-    cable_stiffness : float
-        Stiffness between motors and stylus; 0 for rigid cables [N/m].
-    cable_damping : float
-        Damping between motors and stylus [N s/m].
-    tip_share : float
-        Share of the mass that is on the stylus side of the cables [1].
-    thermal_time : float
-        Thermal time constant of the motors; 0 for motors that do not heat up [s].
-    source : str
-        Source of the values.
-    estimates : tuple of str
-        Names of the parameters that are estimates, because no source publishes them.
-    """
-
-    name: str
-    mass: float
-    friction: float
-    damping: float
-    resolution: float
-    max_force: float
+    name: str  # the maker's
+    mass: float  # apparent, at the stylus
+    friction: float  # Coulomb friction of the mechanism
+    damping: float  # viscous, of the mechanism
+    resolution: float  # of the encoders, at the stylus; 0: no quantisation
+    max_force: float  # peak force of the motors
     continuous_force: float
-    workspace: float
-    cable_stiffness: float
+    workspace: float  # radius
+    cable_stiffness: float  # between motors and stylus; 0: rigid cables
     cable_damping: float
-    tip_share: float
-    thermal_time: float
+    tip_share: float  # share of the mass that is on the stylus side of the cables
+    thermal_time: float  # time constant of the motors; 0: they do not heat up
     source: str
     estimates: tuple[str, ...]
 

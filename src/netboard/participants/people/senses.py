@@ -31,33 +31,15 @@ _PHASES = {phase.name.lower(): int(phase) for phase in Phase}
 
 @dataclass(frozen=True, slots=True)
 class Glimpse:
-    """What a station's display shows at one time.
-
-    Attributes
-    ----------
-    time : float
-        Time of display [s].
-    phase : str
-        Name of the trial's phase, in lower case.
-    z : float
-        Height of the board's centre [m].
-    theta : float
-        Tilt of the board, + = right end up [rad].
-    p : float or None
-        Ball position along the board, + = right; None without a ball [m].
-    target : float
-        Centre of the target along the board [m].
-    left, right : float or None
-        Height of the left and right hand; None if hidden [m].
-    """
+    """What a station's display shows at one time [s], in the terms and units of `netboard.stage.view.View`."""
 
     time: float
     phase: str
     z: float
     theta: float
-    p: float | None
+    p: float | None  # None without a ball
     target: float
-    left: float | None
+    left: float | None  # None if hidden
     right: float | None
 
 
@@ -84,13 +66,7 @@ PERCEPT = np.dtype([*((name, SEEN[name]) for name in SEEN.names or ()), ("v", "<
 
 
 def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
-    """Write a glimpse for the kernels; without one its time is NaN.
-
-    Parameters
-    ----------
-    place : ndarray of SEEN, shape (1,)
-        Changed in place.
-    """
+    """Write a glimpse for the kernels into an array of SEEN, shape (1,); without one its time is NaN."""
     if glimpse is None:
         place["time"] = nan
         return
@@ -102,12 +78,9 @@ def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
 
 @inlined
 def ou_factors(time: float, dt: float) -> tuple[float, float]:
-    """Return how much of a coloured Gaussian noise remains after a time, and how much of its deviation is new [1].
+    """Return how much of a coloured Gaussian noise remains after dt, and how much of its deviation is new [1].
 
-    Parameters
-    ----------
-    time : float
-        Correlation time (Ornstein-Uhlenbeck) [s].
+    The noise is an Ornstein-Uhlenbeck process of this correlation time [s].
     """
     keep = exp(-dt / time)
     return keep, sqrt(1.0 - keep * keep)

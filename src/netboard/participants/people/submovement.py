@@ -13,19 +13,7 @@ from netboard.base.config import Side
 
 @dataclass(frozen=True, slots=True)
 class Submovement:
-    """A planned displacement of one hand's equilibrium point.
-
-    Attributes
-    ----------
-    side : {"left", "right"}
-        The hand that moves.
-    start : float
-        Start, on the clock of `Controller.step` [s].
-    duration : float
-        Time from start to end [s].
-    displacement : float
-        Displacement at the end, + = up [m].
-    """
+    """A planned displacement of one hand's equilibrium point, + = up [m], on the clock of `Controller.step` [s]."""
 
     side: Side
     start: float
@@ -33,13 +21,7 @@ class Submovement:
     displacement: float
 
     def progress(self, when: float) -> float:
-        """Return the share of the displacement that is commanded at a time, 0 before the start to 1 after the end [1].
-
-        Parameters
-        ----------
-        when : float
-            Time on the clock of `start` [s].
-        """
+        """Return the share of the displacement commanded at a time, 0 before the start to 1 after the end [1]."""
         return float(minimum_jerk((when - self.start) / self.duration))
 
 
@@ -53,10 +35,7 @@ def jerk_polynomial(s: Any) -> Any:
 def minimum_jerk(s: float) -> float:
     """Return the completed share of a minimum-jerk movement, ``10 s^3 - 15 s^4 + 6 s^5`` (Flash and Hogan 1985) [1].
 
-    Parameters
-    ----------
-    s : float
-        Elapsed share of the duration; clipped to 0..1 [1].
+    The elapsed share s of the duration is clipped to 0..1.
     """
     if s <= 0.0:
         return 0.0

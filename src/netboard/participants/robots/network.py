@@ -96,18 +96,7 @@ def sha256_of(text: str) -> str:
 
 
 def parse_network(text: str, source: str, inputs: Sequence[Input], period: int) -> TrainedNetwork:
-    """Read the content of a file of weights.
-
-    Parameters
-    ----------
-    text : str
-        The content.
-    source : str
-        Its name, for messages.
-    inputs : sequence of Input
-        The inputs that this version of netboard gives a network.
-    period : int
-        The ticks between two decisions [1].
+    """Read the content of a file of weights for the inputs, and the ticks between decisions, of this version.
 
     Raises
     ------

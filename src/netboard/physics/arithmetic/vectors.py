@@ -85,7 +85,7 @@ def row(table: NDArray[np.float64], i: int, like: State) -> State:
     table : ndarray of float64, shape (n, length)
         Numbers in any unit [SI].
     i : int
-        Index of the row [1].
+        Index of the row, from 0 [1].
     like : tuple of float
         Any tuple as long as the row [SI].
     """
@@ -222,7 +222,7 @@ def replaced(x: State, i: int, value: float) -> State:
     i : int
         Index of the element [1].
     value : float
-        New value [SI].
+        New value of this element, in its unit [SI].
     """
     return (*x[:i], value, *x[i + 1 :])
 

@@ -102,7 +102,7 @@ def hold_hands(hands: Hands, hold: str) -> Held:
     hands : Hands
         Samples of both styluses.
     hold : str
-        One of `INTERPOLATIONS`.
+        ``hermite``, ``zoh``, ``cv`` or ``ca``.
 
     Raises
     ------

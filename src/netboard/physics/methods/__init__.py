@@ -10,6 +10,10 @@ table : ndarray of float64, shape (n,)
     Taylor coefficients of a movement, a row for each series of `netboard.physics.scene.series` [SI].
 numbers : tuple
     Numbers of the scene, from `netboard.physics.scene.parameters.numbers_of` [SI].
+lengths, counts : ndarray, shape (n,)
+    Length of each interval of a run, and the number of equal steps in it [s, 1].
+row : int
+    Row of a matrix, or of a table of Taylor coefficients [1].
 order : int
     Highest order of a Taylor series [1].
 tolerance : float

@@ -37,7 +37,7 @@ class Method:
     Attributes
     ----------
     name : str
-        Its name in configurations.
+        The word for it in ``physics.method``.
     order : int
         Order of convergence [1].
     nodes : tuple of float
@@ -45,7 +45,7 @@ class Method:
     step : callable
         ``step(x, h, hands, tables, parts, scene)``.
     tables : callable
-        Computes its tables.
+        ``tables(scene, parts, length, h)`` computes what `step` needs for a step size; empty if it needs nothing.
     """
 
     name: str

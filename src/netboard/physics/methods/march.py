@@ -42,15 +42,7 @@ class TimeGrid:
 def make_grid(
     method: str, lengths: NDArray[np.float64], counts: NDArray[np.int64], parts: Parts, length: int, scene: NDArray[Any]
 ) -> TimeGrid:
-    """Make the steps of a run, with the tables of its method.
-
-    Parameters
-    ----------
-    lengths : ndarray of float64, shape (n,)
-        Length of each interval [s].
-    counts : ndarray of int64, shape (n,)
-        Number of equal steps in each interval [1].
-    """
+    """Make the steps of a run, with the tables of its method."""
     steps, kinds = np.unique(lengths / counts, return_inverse=True)
     make = METHODS[NUMBER[method]].tables
     tables = np.stack([make(scene[0], parts, length, float(h)) for h in steps])
@@ -113,7 +105,7 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
     Parameters
     ----------
     METHOD : int
-        Number of the method [1].
+        Place of the method in `netboard.physics.methods.catalogue.METHODS` [1].
     PARTS : Parts
         Structure of the scene.
 

@@ -22,7 +22,7 @@ def moved(x: State, t: float, y: State, parts: Parts) -> State:
     x : tuple of float
         State with the positions [SI].
     t : float
-        Duration [s].
+        Duration of the movement with these velocities [s].
     y : tuple of float
         State with the velocities [SI].
     """

@@ -84,7 +84,7 @@ def phi_decimals(a: NDArray[np.float64], h: Decimal, last: int) -> list[list[lis
     a : ndarray of float64, shape (n, n)
         Matrix of a linear system x' = a x, finite [SI].
     h : Decimal
-        A time [s].
+        Step size [s].
     last : int
         Number k of the last function [1].
     """

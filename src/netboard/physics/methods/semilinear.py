@@ -52,13 +52,7 @@ def _kicks(columns: list[int]) -> list[int]:
 
 
 def columns_of(row: int, length: int, known: int) -> list[int]:
-    """Return the columns of a matrix that are not 0 in a row; none for a fixed ball [1].
-
-    Parameters
-    ----------
-    row : int
-        Index of the row [1].
-    """
+    """Return the columns of a matrix that are not 0 in a row; none for a fixed ball [1]."""
     return [j for rows, columns in _blocks(length, known) if row in rows for j in columns]
 
 

@@ -102,7 +102,7 @@ def state_at(like: State, table: Table, order: int, t: float) -> State:
     like : tuple of float
         Any state of this length [SI].
     t : float
-        The time [s].
+        Time since the start of the step, within the step [s].
     """
     x: State = _taken(like, table, order)
     for k in range(order - 1, -1, -1):
@@ -258,8 +258,6 @@ def first_touch(table: Table, row: int, order: int, h: float, level: float, sign
 
     Parameters
     ----------
-    row : int
-        Row of the series [1].
     level : float
         Distance of the event from 0 [SI].
     sign : float
@@ -340,8 +338,6 @@ def march_by_series(
     ----------
     hands : ndarray of float64, shape (n, 8)
         As for `expand_drives` [N].
-    lengths : ndarray of float64, shape (n,)
-        Length of each interval [s].
     ends : ndarray of int64, shape (n,)
         Number of the rows up to the end of each interval [1].
     moments : ndarray of float64, shape (rows,)

@@ -48,7 +48,7 @@ class Powers(NamedTuple):
     Attributes
     ----------
     hand_left, hand_right : float
-        From the hands [W].
+        From the left and the right hand, through their virtual couplings [W].
     damper_left, damper_right : float
         Into the dampers of the virtual couplings, never positive [W].
     damper_board : float

@@ -109,7 +109,7 @@ def force_on_hand(hand: ForceInputs, scale: float, rendering: Rendering) -> floa
     hand : ForceInputs
         What the force condition may use.
     scale : float
-        Factor of the force [1].
+        Factor of the force in this tick, which only a scaled rendering uses [1].
     """
     force = _rendered(rendering.force, hand)
     return scale * force if rendering.scaled else force
@@ -122,7 +122,7 @@ def is_listed(trial: int, catch: NDArray[np.int64]) -> bool:
     Parameters
     ----------
     catch : ndarray
-        ``catch`` of RENDERING [1].
+        ``catch`` of RENDERING: by number of the trial, 1 for a catch trial [1].
     """
     return 0 < trial < TRIAL_ENTRIES and catch[trial] != 0
 

@@ -113,7 +113,7 @@ def extend_series(
     Parameters
     ----------
     n : int
-        The order [1].
+        Highest order that the table has, from 0 [1].
     x : tuple of float
         State at the start: the coefficients of order 0 [SI].
     mass : tuple of float

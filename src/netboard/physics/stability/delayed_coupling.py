@@ -68,7 +68,7 @@ class BoardEnd:
     mass : float
         Its mass; infinite for a fixed end, the worst case [kg].
     damping : float
-        Its damping [N s/m].
+        Damping of its damper [N s/m].
     stiffness : float
         Stiffness of its spring [N/m].
     """
@@ -90,7 +90,7 @@ class Loop:
     mechanism : Mechanism
         Stylus and hand.
     end : End
-        End of the board.
+        End of the board that the coupling holds.
     k : float
         Stiffness of the coupling [N/m].
     c : float
@@ -166,7 +166,7 @@ def largest_delay(loop: Loop, most: int = LONGEST) -> int:
     loop : Loop
         The coupling's control loop; its delays are ignored.
     most : int
-        Largest delay examined [ms].
+        Largest one-way delay examined, and returned if the loop is stable with it [ms].
     """
     return furthest(lambda way: is_stable(delayed(loop, way, way)), most)
 

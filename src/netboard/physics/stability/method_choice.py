@@ -57,7 +57,7 @@ class MethodChoice:
     Attributes
     ----------
     method : str
-        Name of the method.
+        Word of the method in ``physics.method``.
     substeps : int
         Steps per tick [1].
     radius : float

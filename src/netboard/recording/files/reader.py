@@ -65,7 +65,7 @@ class Recording:
     Attributes
     ----------
     path : Path
-        The file.
+        Path of the file, as given.
     metadata : dict of str
         Metadata on session, software and computer.
     end : dict of str
@@ -218,7 +218,7 @@ class Recording:
         Returns
         -------
         dict of ndarray, shape (n,)
-            The columns by name [SI].
+            The columns by name, in the units of `netboard.base.tick.TICK` [SI].
 
         Raises
         ------

@@ -50,7 +50,7 @@ class Header:
     consent : bool
         Whether both participants have consented.
     netboard : str
-        Version of netboard.
+        Version of netboard that began the session.
     config_digest : str
         `netboard.base.config.digest` of the rig's configuration.
     config : str
@@ -96,13 +96,7 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """Another run of the server resumes the session.
-
-    Attributes
-    ----------
-    run : str
-        Id of that run.
-    """
+    """Another run of the server, with this id, resumes the session."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     run: str
@@ -119,7 +113,7 @@ class _Began:
     run : str
         Id of the run of the server; its recordings have the same id.
     tick : int
-        Tick of that run [1].
+        Tick of that run at which it begins [1].
     """
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
@@ -147,7 +141,7 @@ class AttemptEnded:
     Attributes
     ----------
     block, trial, attempt : int
-        Numbers of the attempt [1].
+        Numbers of the attempt, as in `AttemptBegan` [1].
     outcome : str
         A `netboard.task.trials.state_machine.Outcome`.
     completion : float or None
@@ -212,7 +206,7 @@ class BlockEnded:
     Attributes
     ----------
     block : int
-        Number of the block [1].
+        Number of the block in the plan, from 1 [1].
     how : str
         ``finished``: all trials are done, or the time limit has passed; ``given_up``: the remaining trials will not be
         done; ``stopped``: the block can continue.
@@ -242,17 +236,7 @@ class FormAwaited:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A note of the operator.
-
-    Attributes
-    ----------
-    text : str
-        Text of the note.
-    run : str
-        Id of the run of the server.
-    tick : int
-        Tick of that run at the first key press [1].
-    """
+    """A note of the operator, with the tick of a run of the server at which its first key was pressed [1]."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     text: str
@@ -262,17 +246,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStopped:
-    """An emergency stop set all forces to zero.
-
-    Attributes
-    ----------
-    reason : str
-        Who or what stopped, in words.
-    run : str
-        Id of the run of the server.
-    tick : int
-        Tick of that run [1].
-    """
+    """An emergency stop set all forces to zero at a tick of a run; the reason says who or what stopped."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     reason: str
@@ -282,15 +256,7 @@ class EmergencyStopped:
 
 @dataclass(frozen=True, slots=True)
 class EmergencyReleased:
-    """An operator released an emergency stop.
-
-    Attributes
-    ----------
-    run : str
-        Id of the run of the server.
-    tick : int
-        Tick of that run [1].
-    """
+    """An operator released an emergency stop at a tick of a run."""
 
     __pydantic_config__ = FORBID_UNKNOWN_KEYS
     run: str

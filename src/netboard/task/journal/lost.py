@@ -58,7 +58,7 @@ def losses(attempts: Iterable[AttemptOutcome], rule: ExclusionRule) -> Losses:
     Parameters
     ----------
     attempts : iterable of AttemptOutcome
-        Attempts of one block.
+        Attempts of one block, in order.
     rule : ExclusionRule
         The rule of the block.
     """

@@ -67,7 +67,7 @@ class SessionProgress:
     successes, failures, skipped : int
         Successful trials, failed attempts and skipped trials of this block so far [1].
     repeats : Repeats
-        Repeats of this block.
+        Trials of this block whose repeat was requested, or cancelled.
     completions : tuple of float
         Completion times of the successful trials of this block [s].
     block_ticks : int

@@ -34,15 +34,7 @@ class PrintedTable:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Result of the balance checks.
-
-    Attributes
-    ----------
-    problems : tuple of str
-        Reasons to refuse the study, in sentences; empty if there is none.
-    uneven : tuple of str
-        Properties that are not balanced over these dyads; they are no reason to refuse.
-    """
+    """Result of the balance checks: problems refuse the study; properties that are uneven over the dyads do not."""
 
     tables: tuple[PrintedTable, ...]
     problems: tuple[str, ...]

@@ -16,6 +16,8 @@ block_ticks : int
     Duration of the block so far, in ticks [1].
 config : Config
     The configuration of the block.
+flags : iterable of str
+    Flags of an attempt, from `netboard.task.trials.quality.FLAGS`.
 outcome : str
     A `netboard.task.trials.state_machine.Outcome`.
 """

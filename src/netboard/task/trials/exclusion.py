@@ -40,8 +40,6 @@ def is_simulated(config: Config, metadata: Mapping[str, str], sides: Collection[
 
     Parameters
     ----------
-    config : Config
-        The configuration of the block.
     metadata : mapping of str
         Metadata of its recording; empty for a live session.
     sides : collection of str
@@ -69,13 +67,7 @@ class ExclusionRule:
     simulated: bool
 
     def reasons(self, flags: Iterable[str]) -> tuple[str, ...]:
-        """Return in a few words each why an attempt is excluded; empty if it is not.
-
-        Parameters
-        ----------
-        flags : iterable of str
-            Flags of the attempt.
-        """
+        """Return in a few words each why an attempt is excluded; empty if it is not."""
         return tuple(FLAG_WORDS[flag] for flag in excluding(flags, self.exclude, simulated=self.simulated))
 
     def consequence(self, outcome: str, flags: Iterable[str]) -> str:
@@ -85,8 +77,6 @@ class ExclusionRule:
         ----------
         outcome : str
             Outcome of the attempt, live or as a recording names it.
-        flags : iterable of str
-            Flags of the attempt.
         """
         if outcome not in MEASURED:
             return "excluded"
@@ -103,8 +93,6 @@ def rule_of(config: Config, metadata: Mapping[str, str] | None = None) -> Exclus
 
     Parameters
     ----------
-    config : Config
-        The configuration of the block.
     metadata : mapping of str, optional
         Metadata of its recording; none for a live session.
     """

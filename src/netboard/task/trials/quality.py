@@ -366,7 +366,7 @@ class Verdict:
     completion : float
         Completion time; NaN without a success [s].
     flags : tuple of str
-        Flags from `FLAGS`.
+        What was wrong with the attempt, from `FLAGS`; empty if nothing was.
     """
 
     trial: int

@@ -88,13 +88,7 @@ class Repeats:
         return self.to_come(present)[-1] if self.to_come(present) else 0
 
     def to_come(self, present: int) -> tuple[int, ...]:
-        """Return the trials whose repeats have not begun [1].
-
-        Parameters
-        ----------
-        present : int
-            Number of the current trial [1].
-        """
+        """Return the trials whose repeats have not begun [1]."""
         return self.asked[max(present - self.trials, 0) :]
 
 

@@ -184,7 +184,7 @@ def ticks(seconds: float) -> int:
     Parameters
     ----------
     seconds : float
-        The duration [s].
+        Duration, 0 or more [s].
     """
     return round(seconds / TICK_SECONDS)
 
