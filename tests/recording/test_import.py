@@ -172,6 +172,24 @@ def test_phase_and_completion_columns_define_the_attempts(tmp_path: Path) -> Non
         assert found.attempts()[0].completion == pytest.approx(0.345)
 
 
+@pytest.mark.parametrize("rate", [100, 240, 999.9, 1024, 2000])
+@pytest.mark.parametrize("everywhere", [True, False], ids=["every-row", "last-row"])
+def test_outcome_and_completion_belong_to_the_attempt_at_any_rate(
+    tmp_path: Path, rate: float, *, everywhere: bool
+) -> None:
+    times = [k / rate for k in range(int(3.5 * rate))]
+    trial = [1 + int(t) for t in times]
+    shown = [everywhere or this != after for this, after in zip(trial, [*trial[1:], 0], strict=True)]
+    given = {1: ("success", 0.75), 2: ("fell", ""), 3: ("success", 0.5), 4: ("success", 0.0)}
+    columns: dict[str, Any] = {"time": times, "left_z": [0.01 * t for t in times], "right_z": [0.0] * len(times)}
+    columns |= {"trial": trial, "outcome": [given[n][0] if seen else "" for n, seen in zip(trial, shown, strict=True)]}
+    columns["completion"] = [given[n][1] if seen else "" for n, seen in zip(trial, shown, strict=True)]
+    with imported(write_csv(tmp_path / "rate.csv", columns), tmp_path) as found:
+        attempts = found.attempts()
+    assert [one.outcome for one in attempts] == ["success", "fell", "success", "success"]
+    assert [one.completion for one in attempts] == pytest.approx([0.75, np.nan, 0.5, 0.0], nan_ok=True)
+
+
 def test_gaps_of_a_table_have_no_ticks(tmp_path: Path) -> None:
     columns = task_table()
     kept = [k for k in range(4000) if not 2000 <= k < 2500]

@@ -64,6 +64,9 @@ COLUMNS: dict[str, ImportColumn] = {
 RATES = {"left_z": "left_vz", "right_z": "right_vz", "z": "vz", "theta": "omega", "p": "vp"}
 """The velocity column of each position that has one."""
 
+OF_ATTEMPT = ("outcome", "completion")
+"""Columns with one value for an attempt, in any of its rows."""
+
 TASK = ("z", "theta", "p", "trial", "phase")
 """Columns of which a table with task data has at least one."""
 

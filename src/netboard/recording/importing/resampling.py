@@ -2,7 +2,8 @@
 
 There are no ticks within a gap, where samples are further apart than the gap option. Samples at tick times stay
 bit-identical. Others are interpolated: positions by a cubic spline (or linearly, on request), other numbers linearly;
-integers keep the newest sample. No filter is applied, so frequencies above the Nyquist limit of the ticks alias.
+integers, words and values of an attempt keep the newest sample. No filter is applied, so frequencies above the Nyquist
+limit of the ticks alias.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpli
 
 from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK_SECONDS
-from netboard.recording.importing.columns import RATES
+from netboard.recording.importing.columns import OF_ATTEMPT, RATES
 
 Interpolation = Literal["cubic", "linear"]
 
@@ -60,8 +61,8 @@ def segments(time: NDArray[np.float64], gap: float) -> list[Segment]:
 def resampled(time: NDArray[np.float64], columns: Columns, segment: Segment, kind: Interpolation) -> Columns:
     """Return the columns of a range at its ticks, with the velocities of positions.
 
-    ``columns``: the samples: int64 and strings keep the newest value, float64 is interpolated [SI]. Returns the columns
-    at the ticks, with the `RATES` of all positions [SI].
+    ``columns``: the samples: int64, strings and `OF_ATTEMPT` keep the newest value, float64 is interpolated [SI].
+    Returns the columns at the ticks, with the `RATES` of all positions [SI].
     """
     here = slice(segment.first, segment.stop)
     t = time[here]
@@ -69,7 +70,7 @@ def resampled(time: NDArray[np.float64], columns: Columns, segment: Segment, kin
     newest = np.searchsorted(t, x + NEAR * TICK_SECONDS, "right") - 1
     found: dict[str, NDArray[Any]] = {}
     for name, values in ((name, column[here]) for name, column in columns.items()):
-        if segment.exact or values.dtype.kind != "f":
+        if segment.exact or values.dtype.kind != "f" or name in OF_ATTEMPT:
             found[name] = values[newest]
         elif name not in RATES:
             found[name] = np.interp(x, t, values)

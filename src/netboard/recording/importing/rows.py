@@ -4,7 +4,7 @@ Measured values are used unchanged; missing numbers are NaN, missing integers 0.
 trial, attempt or free ball; its end gets the cause that its outcome names.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +15,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.nearest import one_of
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
+from netboard.recording.importing.columns import OF_ATTEMPT
 from netboard.recording.importing.resampling import Columns
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
@@ -90,6 +91,24 @@ def measured(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
     return rows
 
 
+def spread_over_attempts(samples: Columns) -> Columns:
+    """Give every sample of an attempt its outcome and completion time, as ticks take only some of the samples.
+
+    ``samples``: known columns at the samples, by name [SI].
+    """
+    given = {name: samples[name].copy() for name in OF_ATTEMPT if name in samples}
+    if not given:
+        return samples
+    rows = np.zeros(next(iter(given.values())).size, TICK)
+    _number_attempts(rows, samples)
+    for here in _attempts_in(rows):
+        for values in given.values():
+            here_given = np.isfinite(values[here]) if values.dtype.kind == "f" else values[here] != ""
+            if here_given.any():
+                values[here] = values[here][here_given][-1]
+    return {**samples, **given}
+
+
 def _number_attempts(rows: NDArray[Any], columns: Columns) -> None:
     """Set phases, trials, attempts and targets."""
     if "phase" in columns:
@@ -113,16 +132,22 @@ def _known(column: str, word: str, words: Mapping[str, Any]) -> Any:
 
 def _set_outcomes(rows: NDArray[Any], columns: Columns) -> None:
     """Set the end of each attempt, its times, and the counts of the block."""
+    for here in _attempts_in(rows):
+        _finish_attempt(rows, columns, here)
+    causes, after = rows["event"], np.zeros(rows.size, np.int64)
+    for name, ends in (("successes", (Cause.HELD,)), ("failures", (Cause.FELL, Cause.TIMED_OUT))):
+        after[1:] = np.cumsum(np.isin(causes, ends))[:-1]
+        rows[name] = after
+
+
+def _attempts_in(rows: NDArray[Any]) -> Iterator[slice]:
+    """Yield the rows of each attempt."""
     free = np.isin(rows["phase"], BALL_FREE)
     keys = np.stack([free.astype(np.int64), rows["trial"], rows["attempt"]])
     cuts = (np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)) + 1).tolist()
     for first, stop in pairwise([0, *cuts, rows.size]):
         if free[first]:
-            _finish_attempt(rows, columns, slice(first, stop))
-    causes, after = rows["event"], np.zeros(rows.size, np.int64)
-    for name, ends in (("successes", (Cause.HELD,)), ("failures", (Cause.FELL, Cause.TIMED_OUT))):
-        after[1:] = np.cumsum(np.isin(causes, ends))[:-1]
-        rows[name] = after
+            yield slice(first, stop)
 
 
 def _finish_attempt(rows: NDArray[Any], columns: Columns, here: slice) -> None:

@@ -21,7 +21,7 @@ from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.importing.columns import COLUMNS, TASK
 from netboard.recording.importing.exactness import ExaminedTicks
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
-from netboard.recording.importing.rows import measured, simulated
+from netboard.recording.importing.rows import measured, simulated, spread_over_attempts
 from netboard.recording.importing.tables import Samples, TableFile, is_tick_table, read_samples
 
 PIECE = 10_000
@@ -171,7 +171,8 @@ def require_task(path: Path, columns: Collection[str], options: ImportOptions) -
 def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
     """Resample to ticks; also return warnings."""
     found = segments(samples.time, options.gap)
-    parts = [resampled(samples.time, samples.columns, segment, options.interpolation) for segment in found]
+    taken = samples.columns if options.simulate else spread_over_attempts(samples.columns)
+    parts = [resampled(samples.time, taken, segment, options.interpolation) for segment in found]
     ticks = np.concatenate([segment.ticks for segment in found])
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     usual = float(np.median(np.diff(samples.time)))
