@@ -7,16 +7,14 @@ documented. Tests unplug devices, and let it answer late, malformed, or not at a
 import copy
 import json
 import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
+from waiting import until
+
 server = pytest.importorskip("websockets.sync.server")
 closed = pytest.importorskip("websockets.exceptions").ConnectionClosed
-
-PATIENCE_S = 60.0
 
 STIFFNESS = 150.0
 """Of the spring by which a hand holds a device [N/m]."""
@@ -48,7 +46,8 @@ class FakeHaplyService:
         self.grips: list[dict[str, Any]] = []
         self.answer: str | None = None  # instead of the next state updates
         self.inventory: str | None = None  # instead of the documented one
-        self.silent = threading.Event()  # while set, nothing is answered
+        self.answering = threading.Event()  # while not set, nothing is answered
+        self.answering.set()
         self.hang_up = threading.Event()
         self.updates = 0
         self.clients = 0
@@ -59,7 +58,7 @@ class FakeHaplyService:
         self._thread.start()
 
     def stop(self) -> None:
-        self.silent.clear()
+        self.answering.set()
         self._server.shutdown()
         self._thread.join()
 
@@ -76,14 +75,7 @@ class FakeHaplyService:
     def wait(self, count: int = 3) -> None:
         """Wait until this many updates have been sent, or the client has gone."""
         target = self.updates + count
-        self.wait_for(lambda: self.updates >= target or not self.clients)
-
-    def wait_for(self, done: Callable[[], bool]) -> None:
-        """Wait until something is done."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not done():
-            assert time.monotonic() < deadline, "nothing happened"
-            time.sleep(1e-3)
+        until(lambda: self.updates >= target or not self.clients)
 
     def _listed(self, *parts: str) -> str:
         shown = [each for name, each in self.devices.items() if name not in self.unplugged]
@@ -99,8 +91,7 @@ class FakeHaplyService:
             link.send(self.inventory or self._listed("config", "state", "status"))
             while not self.hang_up.is_set():
                 self._take(json.loads(link.recv()))
-                while self.silent.is_set():
-                    time.sleep(1e-3)
+                self.answering.wait()
                 link.send(self.answer or self._listed("state", "status"))
                 self.updates += 1
         except closed:

@@ -4,22 +4,24 @@ import logging
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from time import monotonic_ns, sleep
+from time import monotonic_ns
 
 import pytest
-from fake_dhd import OMEGA, PATIENCE_S, SIGMA, FakeDhd
+from fake_dhd import OMEGA, SIGMA, FakeDhd
+from readings import read_until
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.system import c_library
 from netboard.devices.contract import registry
-from netboard.devices.contract.device import Box, Device, Found, Reading
+from netboard.devices.contract.device import Box, Device, Found
 from netboard.devices.force_dimension import api, servo
 from netboard.devices.force_dimension import device as force_dimension
 from netboard.devices.force_dimension.api import DhdError, ForceOff
 from netboard.devices.force_dimension.device import MODELS, REST_NS, ForceDimension
 from netboard.devices.force_dimension.servo import DhdServo
 from netboard.testing.device import DeviceContract
+from waiting import until
 
 STALL_NS = 20_000_000_000
 """Stall limit of the tests, which tolerates a busy machine [ns]."""
@@ -77,10 +79,10 @@ class TestForceDimension(DeviceContract):
 
     def unplug(self, device: Device) -> Callable[[], None]:
         assert isinstance(device, ForceDimension)
-        assert device._servo is not None
+        servo = device._servo
+        assert servo is not None
         self.dhd.calls.fake_plug(OMEGA, 0)
-        while not device._servo.ended:
-            sleep(1e-3)
+        until(lambda: servo.ended)
         return lambda: self.dhd.calls.fake_plug(OMEGA, 1)
 
 
@@ -202,17 +204,6 @@ def test_every_model_has_plausible_limits() -> None:
 
 
 # --- positions and forces --------------------------------------------------------------------------------------------
-
-
-def read_until(device: Device, wanted: Callable[[Reading], bool], force: tuple[float, ...] = ()) -> Reading:
-    """Read until a reading is as wanted; renew a force meanwhile."""
-    deadline = monotonic_ns() + round(PATIENCE_S * 1e9)
-    while not wanted(reading := device.read(monotonic_ns())):
-        assert monotonic_ns() < deadline, reading
-        if force:
-            device.write(*force)
-        sleep(1e-3)
-    return reading
 
 
 def test_frame_of_the_library_is_the_scenes(dhd: FakeDhd, open_device: Opener) -> None:

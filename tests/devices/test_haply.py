@@ -5,20 +5,22 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from time import monotonic_ns, sleep
+from time import monotonic_ns
 
 import pytest
 from fake_haply import FakeHaplyService
+from readings import read_until
 
 from netboard.base.config import Config
 from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
 from netboard.base.tables.rig import Agent, Agents
 from netboard.devices import haply
 from netboard.devices.contract import registry
-from netboard.devices.contract.device import Box, Device, Found, Reading
+from netboard.devices.contract.device import Box, Device, Found
 from netboard.devices.haply import Haply, MalformedMessage, force_command, state_of
 from netboard.devices.setup import listing
 from netboard.testing.device import DeviceContract
+from waiting import until
 
 PATIENCE_NS = 20_000_000_000
 
@@ -83,19 +85,8 @@ class TestHaply(DeviceContract):
         link = device._link if isinstance(device, Haply) else None
         assert link is not None
         self.service.unplugged.add("049D")
-        self.service.wait_for(lambda: link.fault is not None)
+        until(lambda: link.fault is not None)
         return self.service.unplugged.clear
-
-
-def read_until(device: Device, wanted: Callable[[Reading], bool], force: tuple[float, ...] = ()) -> Reading:
-    """Read until a reading is as wanted; renew a force meanwhile."""
-    deadline_ns = monotonic_ns() + PATIENCE_NS
-    while not wanted(reading := device.read(monotonic_ns())):
-        assert monotonic_ns() < deadline_ns, reading
-        if force:
-            device.write(*force)
-        sleep(1e-3)
-    return reading
 
 
 # --- connected devices -----------------------------------------------------------------------------------------------
@@ -290,7 +281,7 @@ def test_malformed_message_loses_the_device_and_leaves_no_force(
     service.answer = answer
     with pytest.raises(DeviceLost, match=f"not as documented: {why}"):
         read_until(device, lambda reading: False)
-    service.wait_for(lambda: service.force() == (0.0, 0.0, 0.0))
+    until(lambda: service.force() == (0.0, 0.0, 0.0))
     device.close()
 
 
@@ -308,19 +299,19 @@ def test_service_that_answers_late_is_a_timeout(
     device = open_device()
     monkeypatch.setattr(haply, "STALL_NS", 50_000_000)
     monkeypatch.setattr(haply, "ANSWER_S", 0.1)
-    service.silent.set()
+    service.answering.clear()
     with pytest.raises(DeviceTimeout, match="has not answered for"):
         read_until(device, lambda reading: False)
-    service.silent.clear()
+    service.answering.set()
 
 
 def test_service_that_never_answers_is_not_opened(service: FakeHaplyService, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(haply, "ANSWER_S", 0.05)
-    service.silent.set()
+    service.answering.clear()
     device = Haply("left", configured(Config(), service.url))
     with pytest.raises(DeviceTimeout, match=r"has not answered for 0\.05 s"):
         device.open()
-    service.silent.clear()
+    service.answering.set()
 
 
 # --- messages --------------------------------------------------------------------------------------------------------

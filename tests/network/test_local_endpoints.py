@@ -3,7 +3,6 @@
 import os
 import stat
 import sys
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -26,19 +25,7 @@ from netboard.network.transport.local_endpoints import (
     user_key,
 )
 from netboard.network.transport.ports import free_port
-
-TIMEOUT = 60.0
-"""Time within which a frame arrives even on a busy machine [s]."""
-
-
-def until(what: Callable[[], Any]) -> Any:
-    """Wait until a condition holds."""
-    end = time.monotonic() + TIMEOUT
-    while not (found := what()):
-        assert time.monotonic() < end, "timeout"
-        time.sleep(0.002)
-    return found
-
+from waiting import until
 
 KINDS = {"unix": UnixSockets, "loopback": KeyedLoopback}
 

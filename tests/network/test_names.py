@@ -3,8 +3,7 @@
 import logging
 import re
 import socket as net
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,9 @@ from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
 from netboard.network.transport import addresses, channels, names, sockets
 from netboard.network.transport.ports import free_port, try_to_bind
+from waiting import until
 
 pytestmark = pytest.mark.integration
-
-TIMEOUT_S = 30.0
 
 
 class NameServer:
@@ -69,13 +67,6 @@ def channel() -> Iterator[Channel]:
     with sockets.open_context() as context:
         yield Channel(context)
         context.destroy(linger=0)
-
-
-def until(event: Callable[[], Any]) -> Any:
-    end = time.monotonic() + TIMEOUT_S
-    while not (value := event()) and time.monotonic() < end:
-        time.sleep(0.01)
-    return value
 
 
 def at(host: str, port: int, *, bind: str = "127.0.0.1") -> channels.Addresses:

@@ -27,11 +27,11 @@ from netboard.network.protocol.records import LogAck, LogRequest
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import addresses, authenticator, channels, endpoints, fastpath, poller, sockets
 from netboard.network.transport.ports import free_port, try_to_bind
+from waiting import PATIENCE, until
 
 pytestmark = pytest.mark.integration
 
 ANYWHERE = channels.Endpoint("tcp://127.0.0.1:*")
-TIMEOUT = 30.0
 WITHOUT_KEYS = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
 """The greeting of a peer without keys (ZeroMQ's RFC 23)."""
 
@@ -64,15 +64,6 @@ def raw(end: Any) -> sockets.Socket:
 
 def endpoint_of(end: Any) -> channels.Endpoint:
     return channels.Endpoint(raw(end).getsockopt(zmq.LAST_ENDPOINT).decode().rstrip("\0"))  # type: ignore[union-attr]
-
-
-def until(what: Callable[[], Any]) -> Any:
-    """Wait until a condition holds."""
-    end = time.monotonic() + TIMEOUT
-    while not (found := what()):
-        assert time.monotonic() < end, "timeout"
-        time.sleep(0.002)
-    return found
 
 
 def test_sockets_have_the_options_of_their_channels(made: Made) -> None:
@@ -193,7 +184,7 @@ def test_frames_go_both_ways_and_multipart_messages_count_as_empty(made: Made) -
     assert server.receive() is None
     assert server.key == server.role_refusal("agent", "left") == ""
     assert server.send(b"console@test", b"answer")
-    assert poller.wait_readable(peer, TIMEOUT)
+    assert poller.wait_readable(peer, PATIENCE)
     assert sockets.receive(peer) == b"answer"
     assert not poller.wait_readable(peer, 0.0005)
 
@@ -205,7 +196,7 @@ def test_waiter_wakes_for_any_of_several_sockets(made: Made) -> None:
     assert not waiter.wait(0.0)
     assert not waiter.wait(0.0005)
     assert sockets.send(peer, b"one")
-    assert waiter.wait(TIMEOUT)
+    assert waiter.wait(PATIENCE)
     assert waiter.wait(0.0)
     assert server.receive() == (b"console@test", b"one")
     assert not waiter.wait(0.0)

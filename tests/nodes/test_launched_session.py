@@ -1,7 +1,6 @@
 """The processes of a session over machines: what follows from each end, and the order in which they stop."""
 
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from netboard.nodes.launching.machines import LocalMachine, last_lines
 from netboard.nodes.launching.session import MAX_FAILURES, RESTART_SECONDS, LaunchedSession, UnaskedEnd
 from netboard.nodes.launching.terminal import failures
 from script_launcher import IGNORES_STOP, SLOW_STOP, ScriptLauncher
+from waiting import until
 
 PLACES = {"logger": "here", "server": "here", "left agent": "left", "left display": "left", "console": "here"}
 
@@ -168,12 +168,8 @@ def test_crash_just_before_the_stop_and_a_silent_station_are_failures(launched: 
 # --- this machine ------------------------------------------------------------------------------------------------
 
 
-def until(machine: LocalMachine, name: str, phase: str) -> None:
-    end = time.monotonic() + 20
-    while machine.processes[name].phase != phase:
-        assert time.monotonic() < end, machine.processes
-        machine.poll()
-        time.sleep(0.01)
+def await_phase(machine: LocalMachine, name: str, phase: str) -> None:
+    until(lambda: machine.processes[name].phase == phase, machine.poll, lambda: machine.processes)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -182,21 +178,21 @@ def test_local_machine_reports_processes_and_their_logs(tmp_path: Path, monkeypa
     with LocalMachine(commands, ScriptLauncher(tmp_path, {})) as machine:
         for name in commands:
             machine.start(name)
-        until(machine, "left agent", "ended")
+        await_phase(machine, "left agent", "ended")
         assert machine.processes["left agent"].code == 3
         assert machine.processes["server"].phase == "running"
         assert machine.processes["server"].log_bytes == 3
         machine.stop("server")
         assert machine.processes["server"].phase == "stopping"
-        until(machine, "server", "stopped")
+        await_phase(machine, "server", "stopped")
         assert (machine.processes["server"].code, machine.tail("server")) == (0, "on\ndone\n")
         monkeypatch.setattr("netboard.nodes.launching.machines.HURRIED_SECONDS", 0.0)
         machine.stop("console")
         machine.hurry()
-        until(machine, "console", "stopped")
+        await_phase(machine, "console", "stopped")
         assert machine.processes["console"].code == -9
         machine.start("left agent")
-        until(machine, "left agent", "ended")
+        await_phase(machine, "left agent", "ended")
         assert machine.tail("left agent") == "on\non\n"
 
 

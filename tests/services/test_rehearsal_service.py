@@ -64,7 +64,7 @@ def test_interrupt_while_a_worker_starts_is_no_traceback(tmp_path: Path) -> None
             if (child := Path(f"/proc/{place}/cmdline")).exists()
         ):
             time.sleep(0.01)
-        time.sleep(0.2)
+        time.sleep(0.2)  # into the worker's imports, which nothing reports
         os.killpg(started.pid, signal.SIGINT)
         assert started.stderr is not None
         said = [line for line in started.stderr.read().splitlines() if not line.startswith(b"compiling kernels")]

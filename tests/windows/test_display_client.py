@@ -57,13 +57,14 @@ def test_closing_the_window_in_a_trial_needs_a_second_key(rig, monkeypatch):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
-    monkeypatch.setattr("netboard.windows.participant.window.LEAVE_MS", 100)
+    monkeypatch.setattr("netboard.windows.participant.window.LEAVE_MS", 0)
     rig.serve()
     rig.welcome()
     assert rig.shows(PictureState.RUN, tick=5)
     QTest.keyClick(rig.window, Qt.Key.Key_Escape)
     assert rig.window.isVisible()
-    QTest.qWait(200)
+    assert until(rig.app, lambda: not rig.window._leaving)
+    monkeypatch.setattr("netboard.windows.participant.window.LEAVE_MS", 60_000)
     QTest.keyClick(rig.window, Qt.Key.Key_Q)
     assert rig.window.isVisible(), "that was too late to confirm the first"
     QTest.keyClick(rig.window, Qt.Key.Key_Escape)

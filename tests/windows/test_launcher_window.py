@@ -10,6 +10,7 @@ from threading import current_thread
 
 import pytest
 
+import waiting
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.experiment import Block
@@ -20,7 +21,6 @@ from netboard.windows.launcher.model import LaunchStage, badge, rows
 from netboard.windows.launcher.session_files import FILE_LOOK_S, FileLooks
 from script_launcher import SLOW_STOP, ScriptLauncher
 
-SECONDS = 30.0
 DONE = "print('on'); print('keys/server.key: is missing; created')"
 
 
@@ -44,11 +44,7 @@ def control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Launche
 
 
 def until(control: LauncherControl, condition: Callable[[], object]) -> None:
-    end = time.monotonic() + SECONDS
-    while not condition():
-        assert time.monotonic() < end, (control.stage, control.processes)
-        control.poll()
-        time.sleep(0.01)
+    waiting.until(condition, control.poll, lambda: (control.stage, control.processes))
 
 
 def said(control: LauncherControl) -> str:
