@@ -53,6 +53,7 @@ def whatif(
     from netboard.recording.counterfactual.what_if import save, what_if
     from netboard.recording.files.reader import Recording
     from netboard.recording.format.partfile import require_new
+    from netboard.recording.integrity.verification import why_not_computable
     from netboard.stage.stage import make_stage
 
     refuse_figure(figure)
@@ -61,6 +62,8 @@ def whatif(
     changes = changes_of(overrides, model)
     console = plain_console()
     with Recording(recording) as opened, plain_console(stderr=True).status("computing the attempts"):
+        if why := why_not_computable(opened):
+            raise RecordingError(f"{recording}: {why}")
         config = parse(opened.config_text, f"{recording} (its configuration)", changes)
         found = what_if(opened.ticks(), make_stage(config))
         source = opened.metadata

@@ -89,6 +89,13 @@ def test_missing_ticks_in_an_attempt_add_no_ticks_from_after_it() -> None:
     assert line.get_xdata()[500] == 1.5
 
 
+def test_attempt_is_unfinished_if_the_ticks_after_its_end_are_missing() -> None:
+    (first, *_) = what_if(rehearsed.rows(), make_stage(rehearsed.config())).comparisons
+    rows = np.delete(rehearsed.rows(), slice(first.then.stop, first.then.stop + 20))
+    found = what_if(rows, make_stage(changed(g=0.0)))
+    assert {one.now.outcome for one in found.comparisons} == {"unfinished"}
+
+
 def test_interrupted_save_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = what_if(rehearsed.rows(), make_stage(rehearsed.config()))
     with Recording(rehearsed.write(tmp_path / "a.mcap", rehearsed.rows())) as recording:

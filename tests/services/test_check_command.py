@@ -220,6 +220,15 @@ def test_check_verifies_the_output_of_whatif() -> None:
     assert runner.invoke(app, command).exit_code == 2
 
 
+def test_whatif_refuses_ticks_that_no_stage_has_computed() -> None:
+    rows = "".join(f"{k / 1000},0.01,0.02,{0.1 - k / 1000},1\n" for k in range(50))
+    Path("theirs.csv").write_text(f"time,left_z,right_z,p,trial\n{rows}")
+    assert runner.invoke(app, ["import", "theirs.csv", "--output", "imported"]).exit_code == 0
+    (measured,) = Path("imported").glob("*.mcap")
+    result = runner.invoke(app, ["whatif", str(measured), "--set", "physics.k_h=400"])
+    assert (result.exit_code, "measured by another program" in result.stderr) == (1, True), result.output
+
+
 def test_whatif_reports_an_invalid_setting() -> None:
     result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.k_h=-1"])
     assert (result.exit_code, "k_h: found -1" in result.stderr) == (2, True)

@@ -106,8 +106,9 @@ def what_if(recorded: Rows, stage: Stage) -> WhatIf:
 
 def _compare(recorded: Rows, computed: Rows, then: Attempt) -> AttemptComparison:
     start, stop = np.searchsorted(recorded["tick"], [then.tick, then.stop])
-    # Include the row after the last one, which shows the command that ended the attempt.
-    now = find_attempts(computed[start : stop + 1])[0]
+    # Include the next tick, which shows the command that ended the attempt; a later one says nothing of this attempt.
+    following = int(stop < len(recorded) and recorded["tick"][stop] == then.stop)
+    now = find_attempts(computed[start : stop + following])[0]
     common = int(np.searchsorted(recorded["tick"][start:stop], min(now.stop, then.stop)))  # without missing ticks
     differences = {}
     for quantity in QUANTITIES:
