@@ -90,11 +90,7 @@ def up(
     of_study, asks = study is not None or resume, resume and not yes
     _refuse_contradictions(of_study=of_study, serves=server or whole, prepare=prepare, whole=whole, asks=asks)
     wanted = None if study is None else _session_of(study, dyad, session, seed, blocks, trials)
-    options = [] if wanted is None else wanted.options
-    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure
-    options += ["--confirm", confirmation] * bool(confirmation)
-    if autostart is not None:
-        options.append("--autostart" if autostart else "--no-autostart")
+    options = _server_options(wanted, autostart, resume=resume, insecure=insecure, confirmation=confirmation)
     words, sides = settings_of(config, overrides or ()), _sides(settings, station, whole=whole)
     from netboard.nodes.launching.programs import session_commands
 
@@ -132,6 +128,18 @@ def _session_of(
     from netboard.nodes.server.planned import StudySession
 
     return StudySession(study, dyad, session, seed, blocks, trials)
+
+
+def _server_options(
+    wanted: "StudySession | None", autostart: bool | None, *, resume: bool, insecure: bool, confirmation: str
+) -> list[str]:
+    """Return the options with which the server runs the session; it asks nothing."""
+    options = [] if wanted is None else wanted.options
+    options += ["--resume", "--yes"] * resume + ["--insecure"] * insecure
+    options += ["--confirm", confirmation] * bool(confirmation)
+    if autostart is not None:
+        options.append("--autostart" if autostart else "--no-autostart")
+    return options
 
 
 def _sides(config: "Config", station: str | None, *, whole: bool) -> "list[Side]":
