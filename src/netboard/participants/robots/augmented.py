@@ -23,7 +23,7 @@ from netboard.base.compiled import inlined
 from netboard.base.config import Config, Side
 from netboard.base.settings import about
 from netboard.base.tick import TICK_SECONDS
-from netboard.participants.robots.robot import aim, moved
+from netboard.participants.robots.robot import move_hand
 from netboard.participants.robots.sight import SIGHT, look
 from netboard.participants.robots.steering import (
     STEERING,
@@ -110,8 +110,7 @@ def decide(state: np.void, k: np.void, observation: np.void, actions: NDArray[An
         wanted = wanted_tilt(c, sight, sight["target"], 0.0, 0.0)
         theirs = clipped(-partner[2] / board["l"], board["max_tilt"]) if sight["free"] else 0.0
         speed = speed_of(c, sight, 1.0, own * wanted + (1.0 - own) * theirs, 0.0)
-    target, speed = moved(c["hand"], state["target"], speed)
-    state["target"] = aim(c["hand"], observation, target, speed, actions[c["hand"]["side"]])
+    state["target"] = move_hand(c["hand"], observation, state["target"], speed, actions)
 
 
 @final

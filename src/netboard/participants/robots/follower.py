@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import inlined
 from netboard.base.config import Config, Side
 from netboard.base.settings import about
-from netboard.participants.robots.robot import aim, moved
+from netboard.participants.robots.robot import move_hand
 from netboard.participants.robots.sight import SIGHT, look
 from netboard.participants.robots.steering import (
     STEERING,
@@ -46,8 +46,7 @@ def decide(state: np.void, k: np.void, observation: np.void, actions: NDArray[An
     if look(sight, c["board"], observation):
         wanted = wanted_tilt(c, sight, sight["target"], 0.0, 0.0)
         speed = speed_of(c, sight, k["initiative"], wanted, load_on_hand(c, sight, observation))
-    target, speed = moved(c["hand"], state["target"], speed)
-    state["target"] = aim(c["hand"], observation, target, speed, actions[c["hand"]["side"]])
+    state["target"] = move_hand(c["hand"], observation, state["target"], speed, actions)
 
 
 @final

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from netboard.base.compiled import inlined
 from netboard.base.config import Config, Side
 from netboard.base.settings import about
-from netboard.participants.robots.robot import aim, moved
+from netboard.participants.robots.robot import move_hand
 from netboard.participants.robots.sight import SIGHT, look
 from netboard.participants.robots.steering import (
     STEERING,
@@ -112,8 +112,7 @@ def decide(state: np.void, k: np.void, observation: np.void, actions: NDArray[An
     if look(sight, c["board"], observation):
         wanted = led_tilt(c, k["leading"], state["path"], sight, observation["time"])
         speed = speed_of(c, sight, 1.0, wanted, 0.0)
-    target, speed = moved(c["hand"], state["target"], speed)
-    state["target"] = aim(c["hand"], observation, target, speed, actions[c["hand"]["side"]])
+    state["target"] = move_hand(c["hand"], observation, state["target"], speed, actions)
 
 
 @final

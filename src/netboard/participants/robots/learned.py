@@ -34,7 +34,7 @@ from netboard.participants.robots.network import (
     units_of,
 )
 from netboard.participants.robots.network_stability import NetworkGains, largest_view_latency, resting_boards
-from netboard.participants.robots.robot import HAND, SOURCES, RobotParameters, RobotPolicy, aim, moved, pack_hand
+from netboard.participants.robots.robot import HAND, SOURCES, RobotParameters, RobotPolicy, move_hand, pack_hand
 from netboard.participants.robots.sight import BOARD, SIGHT, look, pack_board
 from netboard.participants.robots.steering import load_on_hand
 from netboard.physics.stability.delayed_coupling import LONGEST
@@ -121,8 +121,7 @@ def _move(state: np.void, k: np.void, observation: np.void, actions: NDArray[Any
     active = look(state["sight"], k["board"], observation)
     if active:
         _note_stall(state)
-    target, speed = moved(hand, state["target"], state["speed"] if active else 0.0)
-    state["target"] = aim(hand, observation, target, speed, actions[hand["side"]])
+    state["target"] = move_hand(hand, observation, state["target"], state["speed"] if active else 0.0, actions)
     return bool(active)
 
 

@@ -33,7 +33,7 @@ from netboard.participants.robots.board_model import (
     loop_growth,
     lqr_gains,
 )
-from netboard.participants.robots.robot import HAND, RobotPolicy, aim, moved, pack_hand, view_ticks
+from netboard.participants.robots.robot import HAND, RobotPolicy, move_hand, pack_hand, view_ticks
 from netboard.participants.robots.sight import BOARD, PLAUSIBLE, SIGHT, look, pack_board
 from netboard.physics.stability.delayed_coupling import ROUNDING, furthest
 
@@ -158,8 +158,7 @@ def decide(state: np.void, k: np.void, observation: np.void, actions: NDArray[An
         follow(f, k["filter"], sight, k["board"], observation, hand["side"])
     if active and f["ticks"] > 0:
         speed = regulated(f, k["regulator"], sight, observation, hand["side"], state["target"])
-    target, speed = moved(hand, state["target"], speed)
-    state["target"] = aim(hand, observation, target, speed, actions[hand["side"]])
+    state["target"] = move_hand(hand, observation, state["target"], speed, actions)
 
 
 PARTNERS = {"as modelled": 1.0, "held still": 100.0, "let go": 1e-3, "twice as stiff": 2.0}

@@ -23,7 +23,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.settings import about
 from netboard.base.tick import TICK_SECONDS
 from netboard.participants.policy import identity_of
-from netboard.participants.robots.robot import HAND, HAND_SOURCES, HandParameters, HandPolicy, aim, moved, pack_hand
+from netboard.participants.robots.robot import HAND, HAND_SOURCES, HandParameters, HandPolicy, move_hand, pack_hand
 from netboard.task.trials.state_machine import is_active, is_free
 
 STEP_TICKS = 5
@@ -106,8 +106,8 @@ def decide(state: np.void, k: np.void, observation: np.void, actions: NDArray[An
             goal = _height(state, k, now - state["since"])
         elif is_active(seen["phase"]):
             goal = 0.0
-    target, speed = moved(k["hand"], state["target"], (goal - state["target"]) / TICK_SECONDS)
-    state["target"] = aim(k["hand"], observation, target, speed, actions[k["hand"]["side"]])
+    target = state["target"]
+    state["target"] = move_hand(k["hand"], observation, target, (goal - target) / TICK_SECONDS, actions)
 
 
 @inlined

@@ -148,6 +148,13 @@ def moved(hand: np.void, target: float, speed: float) -> tuple[float, float]:
     return place, (place - target) / TICK_SECONDS
 
 
+@inlined
+def move_hand(hand: np.void, observation: np.void, target: float, speed: float, actions: NDArray[Any]) -> float:
+    """Move an equilibrium point at a speed for a tick, and pull the hand to it; return its new place [m, m/s]."""
+    target, speed = moved(hand, target, speed)
+    return aim(hand, observation, target, speed, actions[hand["side"]])
+
+
 def view_ticks(config: Config) -> int:
     """Return the ticks between two views [1]."""
     return ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))

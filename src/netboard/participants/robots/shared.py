@@ -28,7 +28,7 @@ from netboard.participants.robots.leader import (
     led_tilt,
     pack_leading,
 )
-from netboard.participants.robots.robot import aim, moved
+from netboard.participants.robots.robot import move_hand
 from netboard.participants.robots.sight import SIGHT, look
 from netboard.participants.robots.steering import (
     STEERING,
@@ -81,8 +81,7 @@ def decide(state: np.void, k: np.void, observation: np.void, actions: NDArray[An
         _adapt(state, k, load)
         wanted = led_tilt(c, k["leading"], state["path"], sight, observation["time"])
         speed = speed_of(c, sight, state["role"], wanted, load)
-    target, speed = moved(c["hand"], state["target"], speed)
-    state["target"] = aim(c["hand"], observation, target, speed, actions[c["hand"]["side"]])
+    state["target"] = move_hand(c["hand"], observation, state["target"], speed, actions)
 
 
 @final
