@@ -14,6 +14,8 @@ rows : ndarray of TICK, shape (n,), or one record of it
     Ticks of a block, in any order.
 row : record of netboard.base.tick.TICK
     The tick, updated in place.
+words, numbers : ndarray of int64 and of float64, shape (n,)
+    The row of a tick as words, and the same memory as numbers [SI].
 limit : float
     Largest height of a stylus [m].
 hold : int
@@ -25,7 +27,7 @@ rules : record of netboard.task.trials.state_machine.RULES
 config : Config
     The configuration of the rig and of one block.
 curtain : Curtain, or record of netboard.stage.curtain.CURTAIN
-    What the participants of a block may see.
+    What the participants of a block may see, or one of them.
 station : str
     ``left`` or ``right``: the seat of the participant who sees the view or display.
 number : int

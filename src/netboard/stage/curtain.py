@@ -158,12 +158,6 @@ def shown_of(curtain: np.void, words: Words, numbers: Numbers, best: float, paus
 
     Parameters
     ----------
-    curtain : record of CURTAIN
-        What the station may see.
-    words : ndarray of int64, shape (n,)
-        The row of the tick as words.
-    numbers : ndarray of float64, shape (n,)
-        The same memory as numbers.
     best : float
         Best completion time of the block so far, NaN for none [s].
     pause : int
@@ -262,12 +256,6 @@ def glimpse(curtain: np.void, words: Words, numbers: Numbers, when: float, seen:
 
     Parameters
     ----------
-    curtain : record of CURTAIN
-        What the station may see.
-    words : ndarray of int64, shape (n,)
-        The row of the tick as words.
-    numbers : ndarray of float64, shape (n,)
-        The same memory as numbers.
     when : float
         Time at which the station displays the tick [s].
     seen : record of netboard.participants.policy.SEEN

@@ -14,6 +14,14 @@ extra : int
     Trials that operators have added to the block [1].
 block_ticks : int
     Duration of the block so far, in ticks [1].
+counts : TALLY record
+    Counts of an attempt so far; changed in place. ``ended`` is 1 if the last counted tick has ended the attempt.
+count : int
+    Number of ticks [1].
+stylus_range : float
+    Heights of the styluses are clipped to +- this [m].
+clamped : int
+    Bit of the safeguards for a force at its limit [1].
 config : Config
     The configuration of the block.
 flags : iterable of str

@@ -141,27 +141,14 @@ def _count(
 
 @kernel
 def tally(counts: np.void, rows: Records, first: int, count: int, stylus_range: float, clamped: int) -> int:
-    """Count ticks, up to the end of an attempt.
+    """Count ticks, up to the first that ends an attempt, and return how many were counted [1].
 
     Parameters
     ----------
-    counts : TALLY record
-        Counts so far; changed in place. ``ended`` is 1 if the last counted tick has ended the attempt.
     rows : ndarray of TICK, shape (n,)
         Ring buffer of rows with their outputs; the fields of `FIELDS_NEEDED` are enough.
     first : int
         Number of the first tick; its row is ``first % n`` [1].
-    count : int
-        Number of ticks [1].
-    stylus_range : float
-        Heights are clipped to +- this [m].
-    clamped : int
-        Bit of the safeguards for a force at its limit [1].
-
-    Returns
-    -------
-    int
-        Number of ticks counted: all, or those up to the first that ended an attempt [1].
     """
     place = first % len(rows)
     for taken in range(count):
@@ -177,14 +164,8 @@ def tally_tick(counts: np.void, row: np.void, stylus_range: float, clamped: int)
 
     Parameters
     ----------
-    counts : TALLY record
-        Counts so far; changed in place.
     row : TICK record
         The tick with its outputs.
-    stylus_range : float
-        Heights are clipped to +- this [m].
-    clamped : int
-        Bit of the safeguards for a force at its limit [1].
     """
     numbers = row["tick"], row["trial"], row["attempt"], row["phase"], row["event"]
     times = row["run_ticks"], row["mark_ticks"], row["late_ns"]
@@ -200,27 +181,14 @@ def tally_tick(counts: np.void, row: np.void, stylus_range: float, clamped: int)
 def tally_columns(
     counts: np.void, columns: tuple[Any, ...], first: int, count: int, stylus_range: float, clamped: int
 ) -> int:
-    """Count ticks of columns, up to the end of an attempt, as `tally` does.
+    """Count ticks of columns, as `tally` does, and return how many were counted [1].
 
     Parameters
     ----------
-    counts : TALLY record
-        Counts so far; changed in place.
     columns : tuple of ndarray, shape (n,)
         Columns of ticks, in the order of `FIELDS_NEEDED`.
     first : int
         Place of the first tick in them [1].
-    count : int
-        Number of ticks [1].
-    stylus_range : float
-        Heights are clipped to +- this [m].
-    clamped : int
-        Bit of the safeguards for a force at its limit [1].
-
-    Returns
-    -------
-    int
-        Number of ticks counted: all, or those up to the first that ended an attempt [1].
     """
     tick, trial, attempt, phase, event, run_ticks, mark_ticks, theta, late_ns = columns[:9]
     left_live, right_live, left_stamp_ns, right_stamp_ns, left_sent_z, right_sent_z = columns[9:15]
