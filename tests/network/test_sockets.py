@@ -455,12 +455,18 @@ def gone(connection: net.socket) -> bool:
         return True
 
 
-def test_newest_queued_message_arrives_once_a_stalled_peer_continues(made: Made) -> None:
+def stalled(made: Made) -> tuple[Any, Any, bytes]:
+    """A server, a peer that does not read, to which no more can be sent, and the peer's name."""
     server = made.motion_server(ANYWHERE)
     peer = made.motion_agent(endpoint_of(server), "agent.left")
     until(lambda: sockets.send(peer, b"hello"))
     name, _ = until(server.receive)
     until(lambda: not server.send(name, bytes(60_000)))
+    return server, peer, name
+
+
+def test_newest_queued_message_arrives_once_a_stalled_peer_continues(made: Made) -> None:
+    server, peer, name = stalled(made)
     server.send_or_queue(name, b"another block")
     server.send_or_queue(name, b"the newest block")
     assert not server.send(name, b"more")
@@ -478,11 +484,7 @@ def test_newest_queued_message_arrives_once_a_stalled_peer_continues(made: Made)
 
 
 def test_queued_message_can_be_cancelled(made: Made) -> None:
-    server = made.motion_server(ANYWHERE)
-    peer = made.motion_agent(endpoint_of(server), "agent.left")
-    until(lambda: sockets.send(peer, b"hello"))
-    name, _ = until(server.receive)
-    until(lambda: not server.send(name, bytes(60_000)))
+    server, peer, name = stalled(made)
     server.send_or_queue(name, b"another block")
     server.drop_queued(name)
     server.drop_queued(b"a stranger")

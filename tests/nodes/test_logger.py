@@ -69,6 +69,12 @@ class Rig:
         until = self.clock() + round(seconds * 1e9)
         return lambda: self.clock() >= until
 
+    def step(self, logger: Logger, seconds: float) -> None:
+        """Step a logger for a time, and leave it as it is then."""
+        stop = self.stop_after(seconds)
+        while not stop():
+            logger.step()
+
 
 def block_config(number: int) -> str:
     return f"{CONFIG}[block]\nnumber = {number}\nblocks = 3\n"
@@ -186,9 +192,7 @@ def test_lossy_link_leaves_no_gap_between_blocks(tmp_path: Path, seed: int) -> N
 def test_next_logger_continues_the_block_in_which_the_first_died(tmp_path: Path, seconds: float) -> None:
     rig = BlockRig(tmp_path, 500, 1000)
     victim = rig.logger()
-    stop = rig.stop_after(seconds)
-    while not stop():
-        victim.step()
+    rig.step(victim, seconds)
     # It crashes here: nothing is closed, and unacknowledged records may be lost.
     (part,) = tmp_path.glob("*.part")
     crashed = tmp_path / "crashed.mcap.part"
@@ -303,9 +307,7 @@ def test_restarted_logger_continues_in_the_next_part(tmp_path: Path) -> None:
 def test_next_logger_continues_without_a_gap_after_a_crash(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 2000)
     victim = rig.logger()
-    stop = rig.stop_after(0.93)
-    while not stop():
-        victim.step()
+    rig.step(victim, 0.93)
     # It crashes here: nothing is closed, and unacknowledged records may be lost.
     (part,) = tmp_path.glob("*.part")
     crashed = tmp_path / "crashed.mcap.part"
@@ -324,20 +326,14 @@ def test_next_logger_continues_without_a_gap_after_a_crash(tmp_path: Path) -> No
 def test_new_session_of_a_restarted_server_gets_a_new_recording(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 10**9)
     logger = rig.logger(once=False)
-    stop = rig.stop_after(0.5)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.5)
     # The server dies and comes back with another session; the line stays.
     rig.server = rig.link.server = FakeLogServer("beef567890", CONFIG, 100_000, rig.clock)
     rig.link.live = lambda: None
-    stop = rig.stop_after(3.0)
-    while not stop():
-        logger.step()
+    rig.step(logger, 3.0)
     rig.server.append(EventRecord(0, 0, 0, "hello", {}))
     rig.server.end()
-    stop = rig.stop_after(1.0)
-    while not stop():
-        logger.step()
+    rig.step(logger, 1.0)
     assert logger.run(lambda: True) == 0
     old, new = logger.finished
     with Recording(old) as recording:
@@ -423,9 +419,7 @@ def test_tick_of_another_version_ends_the_recording_cleanly(tmp_path: Path, capl
 def test_deleted_folder_ends_the_recording_without_loss(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
-    stop = rig.stop_after(0.5)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.5)
     for file in (tmp_path / "disk").iterdir():
         file.unlink()
     (tmp_path / "disk").rmdir()
@@ -447,13 +441,9 @@ def test_deleted_folder_ends_the_recording_without_loss(tmp_path: Path, caplog: 
 def test_deleted_folder_is_noticed_without_new_records(tmp_path: Path) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
-    stop = rig.stop_after(0.5)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.5)
     rig.link.live = lambda: None  # the server is suspended
-    stop = rig.stop_after(0.5)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.5)
     shutil.rmtree(tmp_path / "disk")
     assert logger.run(rig.stop_after(3.0)) == 1
     (saved,) = logger.finished
@@ -467,9 +457,7 @@ def test_folder_deleted_before_the_first_record_is_recreated(tmp_path: Path) -> 
     rig = Rig(tmp_path / "disk", 1000)
     live, rig.link.live = rig.link.live, lambda: None
     logger = rig.logger()
-    stop = rig.stop_after(0.5)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.5)
     (tmp_path / "disk").rmdir()
     rig.link.live = live
     assert logger.run(never) == 0
@@ -482,9 +470,7 @@ def test_folder_deleted_before_the_first_record_is_recreated(tmp_path: Path) -> 
 def test_moved_folder_ends_the_recording_without_loss(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
-    stop = rig.stop_after(0.5)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.5)
     (tmp_path / "disk").rename(tmp_path / "moved")
     assert logger.run(never) == 1
     assert "the file itself is complete at its new place" in caplog.text
@@ -546,9 +532,7 @@ def test_logger_stops_before_the_disk_is_full_and_another_continues(
 ) -> None:
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
-    stop = rig.stop_after(0.7)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.7)
     free_space[0] = 190_000_000
     assert logger.run(never) == 1
     assert "only 190 MB free: the recording had to end" in caplog.text
@@ -573,9 +557,7 @@ def test_full_disk_ends_the_logger_with_a_complete_recording(
 ) -> None:
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
-    stop = rig.stop_after(0.7)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.7)
 
     def refuse(*_: int) -> bool:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -597,9 +579,7 @@ def test_full_disk_ends_the_logger_with_a_complete_recording(
 def test_failing_disk_leaves_a_part_file_to_recover(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
-    stop = rig.stop_after(0.7)
-    while not stop():
-        logger.step()
+    rig.step(logger, 0.7)
     assert logger._writer is not None
     with Path("/dev/full").open("wb") as full:
         os.dup2(full.fileno(), logger._writer._file._file.fileno())
