@@ -17,6 +17,7 @@ from netboard.network.transport import sockets
 from netboard.nodes.ports.peer import ProbedPeer
 from netboard.nodes.server.session import HOUSEKEEPING_TICKS
 from netboard.nodes.server.stand_ins import AWAITING_WORDS, KNOWN, Confirmations, stand_ins
+from netboard.recording.format.rig import rig_of
 from netboard.task.trials.state_machine import Phase
 
 REAL = {"kind": "haptic"}
@@ -65,6 +66,20 @@ def test_confirmation_is_recorded_in_every_block(real: SteppedSession) -> None:
     real.tick(HOUSEKEEPING_TICKS)
     said = [event.details for event in real.events() if event.name == "stand_in_confirmed"]
     assert said == [{"what": LEFT, "words": f"the {LEFT}", "by": "console"}] * 2
+
+
+def test_part_of_another_logger_has_the_devices_and_the_confirmations(real: SteppedSession) -> None:
+    real.do("confirm", f"the {LEFT}")
+    assert begin(real)[0]
+    real.tick(HOUSEKEEPING_TICKS)
+    before = len(real.events())
+    real.state.ports.log.news.append(("logger_joined", {"name": "lab:7"}))
+    real.tick(2 * HOUSEKEEPING_TICKS)
+    part = [event for event in real.events()[before:] if event.name != "level"]
+    assert [event.name for event in part] == ["logger_joined", "agent_present", "stand_in_confirmed"]
+    rig = rig_of(real.state.block.config, {}, part, ())
+    assert rig.stand_ins == {LEFT: f'confirmed by console: "the {LEFT}"'}
+    assert rig.simulated == ("left",)
 
 
 def test_another_stand_in_needs_words_of_its_own(real: SteppedSession) -> None:

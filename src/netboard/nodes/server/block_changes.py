@@ -4,9 +4,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 
 from netboard.base.tables.questionnaires import UNANSWERED
-from netboard.network.protocol.records import AGENT_PRESENT, BLOCK_BEGAN, DISPLAY_PRESENT
+from netboard.network.protocol.records import BLOCK_BEGAN
 from netboard.nodes.server.state import SessionState
-from netboard.nodes.server.still_hand import IDENTITY
 from netboard.task.studies.factors import TrialDetails
 
 PAGE_TICKS = 1500
@@ -105,13 +104,4 @@ class BlockChanges:
         stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
         state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.texts.full})
-        for side, agent in state.ports.motion.agents.items():
-            if agent.hello is not None:  # the recording of this block is another file than that in which it joined
-                own = {"side": side, "name": agent.hello.name}
-                state.note(AGENT_PRESENT, {**own, **agent.hello.details, **own})
-        for hello in state.ports.control.displays:
-            own = {"side": hello.side, "name": hello.name}
-            state.note(DISPLAY_PRESENT, {**own, **hello.details, **own})
-        state.confirmations.begin_block()
-        for held in state.block.still:
-            state.note("robot_joined", {"side": held, **IDENTITY})
+        state.note_peers()  # the recording of this block is another file than that in which they joined

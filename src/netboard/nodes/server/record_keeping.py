@@ -118,6 +118,8 @@ class RecordKeeping:
                 if name == "agent_joined":
                     latency.take_limit("left" if details["side"] == "left" else "right", details)
                     self._know_device(details)
+                if name == "logger_joined" and state.event_log.opened:
+                    state.note_peers()  # its file may be the second part of a block
             port.news.clear()
         for name, details in state.triggers.take_news(now):
             state.note(name, details)

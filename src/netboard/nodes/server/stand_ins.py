@@ -69,12 +69,12 @@ class Confirmations:
         left = ", ".join(self.unconfirmed(found))
         return f"confirmed: {confirmed}; not yet: {left}" if left else f"confirmed: {confirmed}"
 
-    def begin_block(self) -> None:
-        """Note everything again: each block is recorded in another file."""
+    def begin_file(self) -> None:
+        """Note everything again: another block, or another logger, begins another file."""
         self._noted.clear()
 
     def take_news(self, found: Iterable[str]) -> list[dict[str, str]]:
-        """Return the details of the events to record: confirmed stand-ins that are not noted yet in this block."""
+        """Return the details of the events to record: confirmed stand-ins that are not noted yet in this file."""
         news = []
         for words in found:
             said = self._by(words)

@@ -10,6 +10,7 @@ from netboard.base.config import SIDES, Side
 from netboard.base.device_kind import SEATED, DeviceKind, held_by
 from netboard.base.tables.experiment import PERSON, STILL
 from netboard.base.tick import STATE, TICK, TICK_NS
+from netboard.network.protocol.records import AGENT_PRESENT, DISPLAY_PRESENT
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports import emergency, samples
@@ -22,6 +23,7 @@ from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
 from netboard.nodes.server.questionnaires import Questionnaires
 from netboard.nodes.server.stand_ins import AWAITING_WORDS, TRIGGER_STAND_IN, Confirmations, stand_ins
+from netboard.nodes.server.still_hand import IDENTITY
 from netboard.nodes.server.supervision import TrialSupervisor
 from netboard.nodes.server.tick_clock import TickClock
 from netboard.nodes.server.triggers import SessionTriggers
@@ -257,3 +259,16 @@ class SessionState:
             tick_ns = self.clock.due_ns + (tick - self.number) * TICK_NS
             self.triggers.event(name, details, tick, tick_ns, now_ns())
         self.event_log.note(tick, name, details)
+
+    def note_peers(self) -> None:
+        """Record which agents and displays are there, and let each confirmed stand-in be recorded again."""
+        for side, agent in self.ports.motion.agents.items():
+            if agent.hello is not None:
+                own = {"side": side, "name": agent.hello.name}
+                self.note(AGENT_PRESENT, {**own, **agent.hello.details, **own})
+        for hello in self.ports.control.displays:
+            own = {"side": hello.side, "name": hello.name}
+            self.note(DISPLAY_PRESENT, {**own, **hello.details, **own})
+        self.confirmations.begin_file()
+        for held in self.block.still:
+            self.note("robot_joined", {"side": held, **IDENTITY})
