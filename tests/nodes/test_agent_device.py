@@ -183,9 +183,13 @@ def test_agent_waits_until_the_profile_of_a_found_device_is_valid(new_rig: Calla
         damaged.write_text("[placement]\nscale = 0\n")
         rig.device.lose_once = True
 
+    def mend() -> None:
+        assert len(rig.server.received_of(Hello)) == 1, "it joined with a damaged profile"
+        damaged.unlink()
+
     rig.run(
         (lambda: bool(rig.samples()), lose_and_damage),
-        (lambda: rig.device.open_attempts > 2, damaged.unlink),
+        (lambda: rig.device.open_attempts > 2, mend),
         (lambda: len(rig.server.received_of(Hello)) > 1, nothing),
     )
 

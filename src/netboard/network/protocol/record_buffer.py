@@ -11,15 +11,10 @@ from netboard.network.protocol.records import LogBatch
 class LogRing:
     """The newest records of a session; record n is in slot n modulo the capacity.
 
-    Parameters
-    ----------
-    capacity : int
-        Records kept [1].
-
     Attributes
     ----------
     capacity : int
-        Records kept [1].
+        Most records that it holds [1].
     next : int
         Number of the next record, and of the records so far [1].
     acknowledged : int

@@ -12,6 +12,10 @@ numbers : tuple
     Numbers of the scene, from `netboard.physics.scene.parameters.numbers_of` [SI].
 lengths, counts : ndarray, shape (n,)
     Length of each interval of a run, and the number of equal steps in it [s, 1].
+i : int
+    Number of an interval, from 0 [1].
+PARTS : Parts
+    Structure of the scene.
 row : int
     Row of a matrix, or of a table of Taylor coefficients [1].
 order : int

@@ -56,8 +56,6 @@ def hands_at(hands: NDArray[np.float64], i: int) -> Any:
     ----------
     hands : ndarray of float64, shape (n, 8) or (n, nodes, 2)
         Polynomials of both drives for each interval, or their values at the nodes of the method [N].
-    i : int
-        Number of the interval [1].
     """
     return tuple(hands[i].tolist()) if hands.ndim == 2 else (hands, i)
 
@@ -106,8 +104,6 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
     ----------
     METHOD : int
         Place of the method in `netboard.physics.methods.catalogue.METHODS` [1].
-    PARTS : Parts
-        Structure of the scene.
 
     Returns
     -------

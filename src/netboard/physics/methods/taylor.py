@@ -118,8 +118,6 @@ def expand_drives(hands: NDArray[np.float64], i: int, t: float, order: int, tabl
     ----------
     hands : ndarray of float64, shape (n, 8)
         Polynomials of both drives from the start of each interval [N].
-    i : int
-        Number of the interval [1].
     t : float
         The time since its start [s].
     """
@@ -372,11 +370,6 @@ def march_by_series(
 @cache
 def make_taylor(PARTS: Parts) -> Callable[..., tuple[State, int, float]]:
     """Compile `march_by_series` for a kind of scene.
-
-    Parameters
-    ----------
-    PARTS : Parts
-        Structure of the scene.
 
     Returns
     -------

@@ -99,8 +99,6 @@ def wants_repeat(rules: Quality, outcome: str, flags: tuple[str, ...], trial: in
     ----------
     rules : Quality
         The quality rules of the block.
-    flags : tuple of str
-        The quality flags of the attempt.
     repeats : Repeats
         The repeats that were requested or vetoed before.
     """
