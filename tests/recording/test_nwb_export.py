@@ -10,6 +10,7 @@ import pytest
 from dyads import dyad, make_session
 
 from made_recordings import recorded, two_trials
+from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.testing.difficult_recording import make_rows, same_bits, write
 
@@ -19,6 +20,7 @@ from netboard.recording.export import nwb  # noqa: E402
 from netboard.recording.export.formats import export  # noqa: E402
 from netboard.recording.export.runs import devices_of  # noqa: E402
 from netboard.recording.files.reader import Recording  # noqa: E402
+from netboard.recording.importing.table_import import ImportOptions, import_table  # noqa: E402
 from netboard.task.trials.state_machine import Phase  # noqa: E402
 from netboard.testing.export_format import Columns, ExportFormatContract  # noqa: E402
 
@@ -106,6 +108,22 @@ def test_all_devices_of_a_side_that_moved_in_the_run_are_listed(tmp_path: Path) 
     with pynwb.NWBHDF5IO(first, "r") as io:
         found = {name: (one.serial_number, one.model.name) for name, one in io.read().devices.items()}
     assert found == {"left stylus 1": ("2", "left Falcon 1"), "left stylus 2": ("3", "left Falcon 2")}
+
+
+def test_imported_measurements_do_not_claim_a_simulated_device(tmp_path: Path) -> None:
+    table = tmp_path / "theirs.csv"
+    table.write_text("time,left_z,right_z,p,trial\n" + "".join(f"{k / 100},0.01,0.02,0.1,1\n" for k in range(20)))
+    made = import_table(table, tmp_path, Config(), ImportOptions(), 10**18, quiet).path
+    for name in ("nwb", "bids"):
+        export([made], name, tmp_path / name, quiet)
+    first, *_ = sorted((tmp_path / "nwb").rglob("*.nwb"))
+    with pynwb.NWBHDF5IO(first, "r") as io:
+        device = io.read().devices["left stylus"]
+        assert device.model.name == "left unknown"
+        assert device.model.description == "device of undeclared kind; netboard's backend unknown"
+    scans, *_ = sorted((tmp_path / "bids").rglob("*_scans.tsv"))
+    names, values = (line.split("\t") for line in scans.read_text().splitlines())
+    assert dict(zip(names, values, strict=True))["device"] == "n/a"
 
 
 def test_recording_without_trials_and_events_has_no_tables_of_them(tmp_path: Path) -> None:

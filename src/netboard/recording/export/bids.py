@@ -24,7 +24,15 @@ from netboard.recording.export import bids_texts as texts
 from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.runs import Person, Run, devices_of, pseudonym_of, require_people, runs_of
+from netboard.recording.export.runs import (
+    Person,
+    Run,
+    configured_device,
+    devices_of,
+    pseudonym_of,
+    require_people,
+    runs_of,
+)
 from netboard.recording.export.signals import FRAME, Signal, signals_of
 from netboard.recording.export.survey import PerturbationSpan, PhaseChange, Survey
 from netboard.recording.export.trigger_pulses import pulses_of
@@ -204,7 +212,7 @@ def _scan(
         "force_delay_ms": block.force_delay_ms,
         "catch_trials": " ".join(map(str, block.catch)),
         "other_hand": _other_hand(run, person),
-        "device": "+".join(run.config.agents.of(side).device for side in person.sides),
+        "device": "+".join(filter(None, (configured_device(run.config, run.metadata, side) for side in person.sides))),
         "simulated": person.simulated,
         "stand_ins": run.stand_ins or "none",
         "pilot": run.config.session.pilot,

@@ -173,9 +173,9 @@ class NwbLayout:
     def _add_device(self, device: HandDevice, number: str) -> None:
         """Describe a device in the hand; ``number``: if it was replaced in the run."""
         model = self.file.create_device_model(
-            name=f"{device.side} {device.model or device.backend}{number}",
+            name=f"{device.side} {device.model or device.backend or 'unknown'}{number}",
             manufacturer=device.maker or "unknown",
-            description=f"{WORDS[DeviceKind(device.kind)]}; netboard's backend {device.backend}",
+            description=f"{WORDS[DeviceKind(device.kind)]}; netboard's backend {device.backend or 'unknown'}",
         )
         self.file.create_device(
             name=f"{device.side} stylus{number}",

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.device_kind import held_by
+from netboard.base.device_kind import DeviceKind, held_by
 from netboard.base.errors import RecordingError
 from netboard.base.process.workers import cores
 from netboard.recording.files.copies import find_repeats
@@ -221,13 +221,20 @@ class HandDevice:
     serial: str
 
 
+def configured_device(config: Config, metadata: Mapping[str, str], side: Side) -> str:
+    """Return the backend of a side in the configuration; empty for imported hands if that is a simulated one."""
+    device = config.agents.of(side).device
+    foreign = metadata.get("imported") in ("measured", "simulated")
+    return "" if foreign and held_by({"device": device}).kind is DeviceKind.SIMULATED else device
+
+
 def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
     """Return the devices that moved in a recording, left before right, and those of a side in the order of use."""
     events, attempts = recording.events(), recording.attempts()
     found: dict[HandDevice, None] = {}
     for side in SIDES:
         for details in list(agents_in_use(events, attempts, side)) or [dict[str, str]()]:
-            backend = details.get("device", config.agents.of(side).device)
+            backend = details.get("device", configured_device(config, recording.metadata, side))
             maker = details.get("maker", MAKERS_BEFORE.get(backend, ""))
             model, serial = details.get("model", ""), details.get("serial", "")
             kind = str(held_by({"device": backend, **details}).kind)
