@@ -19,6 +19,7 @@ from netboard.network.protocol.records import TickRecord
 from netboard.participants.people.submovement import Submovement
 from netboard.recording.files.provenance import provenance
 from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.testing.device import MS, DeviceContract
 
 S = 1000 * MS
@@ -162,6 +163,19 @@ def test_recorded_stylus_is_reproduced(tmp_path: Path) -> None:
     assert [r.buttons for r in readings] == rows["right_buttons"].tolist()
     between = read(playback(path, side="right"), t[:-1] + 0.0005)
     assert np.abs(np.array([r.z for r in between]) - rows["right_sent_z"][:-1]).max() < 0.5e-3 * 0.3 + 2 * STEP
+
+
+def test_imported_heights_are_played_without_a_lateral_position(tmp_path: Path) -> None:
+    table = tmp_path / "theirs.csv"
+    rows = "".join(f"{k / 100},{0.01 * k},0.02,{0.001 * k if k % 2 else ''},0.1\n" for k in range(5))
+    table.write_text(f"time,left_z,right_z,left_y,p\n{rows}")
+    path = import_table(table, tmp_path, Config(), ImportOptions(), 10**18, lambda *progress: None).path
+    t = np.array([0.0, 0.01, 0.02, 0.03])
+    readings = read(playback(path), t)
+    assert [r.z for r in readings] == pytest.approx(t.tolist())
+    assert [r.x for r in readings] == [0.0] * 4
+    assert [r.y for r in readings] == pytest.approx([0.001, 0.001, 0.002, 0.003])
+    assert np.isfinite([(r.vx, r.vy, r.vz) for r in readings]).all()
 
 
 def test_repeated_and_missing_samples_are_skipped(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ reading. The stylus rests at the start of the file until ``delay`` is over, and 
 longer ready, so that no block continues with a partner who has stopped; with ``loop`` it starts again.
 
 The file is a recording or a CSV file. A recording provides the stylus samples as the server received them, with
-vertical velocities; laterally it has positions only. A CSV file has the columns ``time,x,y,z`` and optionally
-``vx,vy,vz`` and ``buttons``, in any order. An invalid file raises an error with file, line and column; nothing is
-repaired silently.
+vertical velocities; laterally it has positions only, or none if it was imported: then x = y = 0. A CSV file has the
+columns ``time,x,y,z`` and optionally ``vx,vy,vz`` and ``buttons``, in any order. An invalid file raises an error with
+file, line and column; nothing is repaired silently.
 
 Options (``agents.<side>.options``): see `PlaybackOptions`.
 """
@@ -203,12 +203,20 @@ def read_recording(path: Path, side: Side, trial: int) -> Track:
 def _track(rows: NDArray[Any], side: Side) -> Track:
     """Make a trajectory from rows with one sample each."""
     unknown = np.full(len(rows), np.nan)
+    times = (rows[f"{side}_stamp_ns"] - rows[f"{side}_stamp_ns"][0]) * 1e-9
+    x, y = (_lateral(times, rows[f"{side}_{axis}"]) for axis in ("x", "y"))
     return Track(
-        (rows[f"{side}_stamp_ns"] - rows[f"{side}_stamp_ns"][0]) * 1e-9,
-        np.stack([rows[f"{side}_x"], rows[f"{side}_y"], rows[f"{side}_sent_z"]], axis=1),
+        times,
+        np.stack([x, y, rows[f"{side}_sent_z"]], axis=1),
         np.stack([unknown, unknown, rows[f"{side}_sent_vz"]], axis=1),
         rows[f"{side}_buttons"].astype(np.int64),
     )
+
+
+def _lateral(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a lateral position without gaps: imported tables may lack it, and it has no effect on the board [m]."""
+    known = np.isfinite(values)
+    return np.interp(times, times[known], values[known]) if known.any() else np.zeros(len(values))
 
 
 def read_csv(path: Path) -> Track:
