@@ -63,7 +63,7 @@ class Steps:
     Attributes
     ----------
     method : str
-        Word of the method in ``physics.method``, or of a reference solution: ``taylor``, ``dop853``.
+        Word of the method in ``physics.method``, or ``taylor`` for steps from a tolerance.
     longest : float
         Largest step; infinite for whole intervals between samples and rows, and for steps from a tolerance [s].
     substeps : int

@@ -41,7 +41,7 @@ def is_simulated(config: Config, metadata: Mapping[str, str], sides: Collection[
     Parameters
     ----------
     metadata : mapping of str
-        Metadata of its recording; empty for a live session.
+        Metadata of the block's recording; empty for a live session.
     sides : collection of str
         Sides that people move.
     """
@@ -94,7 +94,7 @@ def rule_of(config: Config, metadata: Mapping[str, str] | None = None) -> Exclus
     Parameters
     ----------
     metadata : mapping of str, optional
-        Metadata of its recording; none for a live session.
+        Metadata of the block's recording; none for a live session.
     """
     sides = [side for side in SIDES if getattr(config.block, side) == "person"]
     return ExclusionRule(config.quality.exclude, is_simulated(config, metadata or {}, sides))
