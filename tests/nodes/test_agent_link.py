@@ -14,7 +14,13 @@ from netboard.network.protocol.joining import HELLO_FIRST, HELLO_INTERVAL_NS, Go
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
-from netboard.nodes.agent.motion_link import REFUSAL_GAP_NS, REFUSED_NS, REMEMBERED, MotionLink
+from netboard.nodes.agent.motion_link import (
+    REFUSAL_GAP_NS,
+    REFUSED_NS,
+    REMEMBERED,
+    UNANSWERED_NS,
+    MotionLink,
+)
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES
 
 TIMEOUT_NS = 10_000_000_000
@@ -76,6 +82,30 @@ def test_silence_of_the_server_is_reported_once_and_its_end_too(pair: Pair, capl
     assert pair.deliver(force(2, 4))
     pair.send(5, now_ns())
     assert caplog.messages[1:] == ["the server answers again"]
+
+
+def test_server_that_never_answers_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
+    with sockets.open_context() as context:
+        link = MotionLink(
+            sockets.motion_agent(context, channels.Endpoint("inproc://nobody"), "agent"), HELLO, TIMEOUT_NS
+        )
+        link.warm()
+        for seq in range(60):
+            stamp_ns = UNANSWERED_NS + seq * HELLO_INTERVAL_NS
+            link.send(seq, Reading(stamp_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, True), 0, 0.0)
+            assert len(caplog.messages) == (stamp_ns >= 2 * UNANSWERED_NS)
+        link.leave("the test is over")
+    assert caplog.messages[0].startswith(
+        "no answer from the server for 10 s. If it runs: check [network] host and port"
+    )
+
+
+def test_server_that_has_answered_once_may_be_away(pair: Pair, caplog: pytest.LogCaptureFixture) -> None:
+    assert not pair.deliver(Goodbye("the session is over"))
+    later = now_ns()
+    for k in range(60):
+        pair.send(1 + k, later + k * HELLO_INTERVAL_NS)
+    assert not caplog.messages
 
 
 def test_answer_to_an_old_sample_is_received_but_not_fresh(pair: Pair) -> None:

@@ -101,6 +101,7 @@ class AgentNode:
         """
         self._warm()
         steady_loop()
+        log.info("waiting for the server at %s:%d", self._config.network.host, self._config.network.port)
 
         def ends() -> bool:
             return stopping() or self._link.refusal != ""

@@ -43,6 +43,12 @@ An agent that replaces a crashed one is refused only until the server misses the
 REFUSAL_GAP_NS = 2_000_000_000
 """Time without a refusal after which the next one is a new one: the server repeats it once a second [ns]."""
 
+UNANSWERED_NS = 10_000_000_000
+"""Time without an answer of any server after which the log says what to check [ns]."""
+
+_SAID_NS = 2**62
+"""Stands for the time since which there is no answer, where nothing is to be said of it any more [ns]."""
+
 NONE, FORCE, POINT, BEAT = range(4)
 """Kinds of the newest answer."""
 
@@ -212,6 +218,7 @@ class MotionLink:
         self._refused = ""
         self._refused_since_ns = self._refused_ns = -REFUSAL_GAP_NS
         self.server_silent = False  # whether it fell silent during the session
+        self._unanswered_ns = 0  # when the first `Hello` without an answer was sent; 0: none [ns]
         self._invalid_messages = RateLimitedLog(log)
 
     @property
@@ -280,10 +287,24 @@ class MotionLink:
             if self._session and not self.server_silent:
                 self.server_silent = True
                 log.warning("the server has been silent for %g s: waiting for it", HELLO_INTERVAL_NS * 1e-9)
+            self._note_unanswered(stamp_ns)
             sockets.send_or_renew(self._socket, self._hello)
         elif self.server_silent and self.answer_ns > self._hello_ns:
             self.server_silent = False
             log.info("the server answers again")
+
+    def _note_unanswered(self, now: int) -> None:
+        """Say once what to check if no server has answered for `UNANSWERED_NS`."""
+        if self._session or self._refused:
+            return
+        self._unanswered_ns = self._unanswered_ns or now
+        if now - self._unanswered_ns >= UNANSWERED_NS:
+            self._unanswered_ns = _SAID_NS
+            log.warning(
+                "no answer from the server for %g s. If it runs: check [network] host and port, and this agent's key; "
+                "netboard status names refused peers",
+                UNANSWERED_NS * 1e-9,
+            )
 
     def receive(self, until_ns: int = 0) -> bool:
         """Wait for a message until a time; return True if it is a newer answer."""
@@ -367,7 +388,7 @@ class MotionLink:
 
     def _enter(self, session: str) -> None:
         """Enter a session; in a new one nothing of the old one counts."""
-        self._refused = ""
+        self._refused, self._unanswered_ns = "", _SAID_NS  # address and key are right
         if session != self._session:
             if session != self._logged:
                 log.info("in session %s", session[:8])
