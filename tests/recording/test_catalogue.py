@@ -47,7 +47,7 @@ def test_every_recording_file_has_a_catalogue_entry(folder: Path) -> None:
     assert sorted(entries) == ["cut.mcap", "early.mcap", "junk.mcap", "left.mcap.part", "whole.mcap"]
     whole, early, left = entries["whole.mcap"], entries["early.mcap"], entries["left.mcap.part"]
     assert (whole.verdict, whole.done, whole.trials, whole.dyad) == ("complete", 2, 2, "D01")
-    assert whole.duration == pytest.approx(len(rehearsed.rows()) * 0.5e-3, rel=0.01)
+    assert whole.duration == pytest.approx(len(rehearsed.rows()) * 1e-3)  # however fast the logger received them
     assert (early.verdict, early.done, early.study) == ("complete with listed losses", 1, "own")
     assert "the server began another session" in early.why
     assert (left.kind, left.verdict, left.dyad, left.pilot) == ("unfinished", "damaged", "D02", True)

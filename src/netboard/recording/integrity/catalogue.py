@@ -18,11 +18,13 @@ from mcap.stream_reader import StreamReader
 from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.plural import plural
+from netboard.base.tick import TICK_SECONDS
 from netboard.network.protocol.joining import Welcome
 from netboard.recording.files.copies import CopiesFound
 from netboard.recording.files.locate import EMPTY, files_below, recovery_advice
 from netboard.recording.files.provenance import CONFIG_NAME, MetadataName
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.channels import TICKS
 from netboard.recording.format.chunks import UNSOUND
 from netboard.recording.format.rig import rig_of
 from netboard.recording.integrity.checking import check, continues
@@ -64,7 +66,7 @@ class CatalogueEntry:
     # Trials done, and trials planned in the block or requested as repeats; a journal has only the former.
     done: int = 0
     trials: int = 0
-    duration: float | None = None  # time from start to end; None if either is unknown [s]
+    duration: float | None = None  # time of all its ticks; None for other files than recordings [s]
     lost: int = 0
     verdict: str = RESULTS[Severity.SOUND]
     why: str = ""
@@ -134,18 +136,11 @@ def _recording(path: Path, size: int) -> CatalogueEntry:
         entry = _about(CatalogueEntry(path, "recording", size), metadata, recording.config_text)
         return replace(
             entry,
-            duration=_duration(metadata, end),
+            duration=recording.counts[TICKS] * TICK_SECONDS,
             lost=lost,
             verdict=RESULTS[Severity.LOSS if why else Severity.SOUND],
             why="; ".join(why),
         )
-
-
-def _duration(metadata: dict[str, str], end: dict[str, str]) -> float | None:
-    """Return the duration of a recording from its start and end times; None if either is missing [s]."""
-    if "opened_log_ns" not in metadata or "log_ns" not in end:
-        return None
-    return max(int(end["log_ns"]) - int(metadata["opened_log_ns"]), 0) * 1e-9
 
 
 def _about(entry: CatalogueEntry, metadata: dict[str, str], config_text: str) -> CatalogueEntry:
