@@ -108,7 +108,7 @@ def printed_folder(**variables: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_systemd_service_keeps_its_kernels_in_its_cache_directory(tmp_path: Path) -> None:
-    folder = Path(printed_folder(CACHE_DIRECTORY=f"{tmp_path}:/elsewhere").stdout.strip())
+    folder = Path(printed_folder(CACHE_DIRECTORY=f"{tmp_path}{os.pathsep}elsewhere").stdout.strip())
     assert folder.parent == tmp_path
     assert folder.name.startswith("kernels-")
 
@@ -125,7 +125,7 @@ def test_user_who_may_write_nowhere_is_told_so(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     run = printed_folder(CACHE_DIRECTORY=f"{tmp_path}/file", XDG_CACHE_HOME=f"{tmp_path}/file")
     assert re.search(
-        r"ConfigError: compiled code can be kept in none of these.*file, \S+file/netboard; set .*DIR", run.stderr
+        r"ConfigError: compiled code can be kept in none of these.*file, \S+file.netboard; set .*DIR", run.stderr
     )
 
 

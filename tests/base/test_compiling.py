@@ -20,7 +20,7 @@ SHARES = (0.2, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 
 def made(monkeypatch: pytest.MonkeyPatch, *, terminal: bool, expected: int = 100) -> tuple[CompilationBar, Console]:
     """Return a bar and its console; each look at the clock is one second later."""
-    console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True)
+    console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True, legacy_windows=False)
     seconds: Iterator[float] = iter(range(1000))
     monkeypatch.setattr(compiling, "plain_console", lambda **options: console)
     monkeypatch.setattr(compiling, "SHOWN_AFTER_S", 2.0)

@@ -243,6 +243,7 @@ def test_disabled_settings_are_not_requested(monkeypatch: pytest.MonkeyPatch, tm
     assert machine.asked == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows' own choice is made when the module is imported")
 def test_unsupported_platform_is_reported(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     monkeypatch.setattr("netboard.base.system.scheduling.sys.platform", "plan9")
     with caplog.at_level(logging.INFO):
@@ -260,6 +261,7 @@ def test_memory_is_not_locked_under_a_memlock_limit(monkeypatch: pytest.MonkeyPa
     assert machine.asked == []
 
 
+@linux
 @pytest.mark.parametrize(
     ("have", "expected"),
     [({0}, ["", "", ""]), ({0, 1}, ["1", "", ""]), ({0, 1, 2}, ["2", "1", "0"]), ({1, 4, 5, 9}, ["9", "5", "4"])],
@@ -273,6 +275,7 @@ def test_each_loop_gets_its_own_cpu_if_there_are_enough(
     assert [cpus_for(loop, named) for loop in PLACES] == ["0-1", "", ""]
 
 
+@linux
 def test_no_cpu_is_chosen_without_cpu_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr("netboard.base.system.scheduling.os.sched_getaffinity", raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == ["", "", ""]

@@ -1,4 +1,4 @@
-"""What POSIX and Windows do in different ways: the same tests for both, for Windows on a stand-in."""
+"""What POSIX and Windows do in different ways: the same tests for both, for Windows on a stand-in, and there itself."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ import pytest
 
 from netboard.base.system.device_files import set_up_windows_port
 from netboard.base.system.keys import WINDOWS_ARROWS, WindowsKeys
-from netboard.base.system.locks import posix_lock, windows_lock
+from netboard.base.system.locks import lock, windows_lock
 from netboard.base.system.scheduling import WindowsScheduling
 from netboard.base.system.supervision import (
     CTRL_C_EXIT,
@@ -38,10 +38,10 @@ def stand_in() -> StandInKernel32:
     return StandInKernel32()
 
 
-@pytest.fixture(params=["posix", "windows"])
+@pytest.fixture(params=["this system", "windows, stand-in"])
 def locking(request: pytest.FixtureRequest, stand_in: StandInKernel32) -> Locking:
-    if request.param == "posix":
-        return Locking(posix_lock, os.close)
+    if request.param == "this system":
+        return Locking(lock, os.close)
     api = stand_in.api()
     return Locking(
         lambda descriptor, shared: windows_lock(descriptor, shared=shared, api=api, handle_of=lambda it: it),

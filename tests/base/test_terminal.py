@@ -78,7 +78,7 @@ def test_row_with_too_many_cells_is_refused() -> None:
 
 @pytest.mark.parametrize(("terminal", "shown"), [(True, True), (True, False), (False, True)])
 def test_progress_bars_appear_on_terminals_only(terminal: bool, shown: bool) -> None:
-    console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True)
+    console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True, legacy_windows=False)
     with progress_bars(console, "{task.completed} ticks", shown=shown) as progress:
         task = progress.add_task("reading", total=10)
         progress.update(task, completed=4, refresh=True)
@@ -89,7 +89,7 @@ def test_progress_bars_appear_on_terminals_only(terminal: bool, shown: bool) -> 
 def test_brackets_in_a_path_or_a_note_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     plain_console(soft_wrap=True).print("/data/[red]pilot[/red]/[/b]/S01.mcap")
     assert capsys.readouterr().out == "/data/[red]pilot[/red]/[/b]/S01.mcap\n"
-    console = Console(width=100, file=StringIO(), force_terminal=True, record=True)
+    console = Console(width=100, file=StringIO(), force_terminal=True, record=True, legacy_windows=False)
     with progress_bars(console) as progress:
         progress.add_task("Reading [/red].mcap")
     assert "Reading [/red].mcap" in console.export_text()

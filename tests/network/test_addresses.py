@@ -1,5 +1,7 @@
 """Addresses of the channels."""
 
+import sys
+
 import pytest
 
 from netboard.base.tables.rig import Network
@@ -40,6 +42,7 @@ def test_moves_channel_is_local_and_has_no_keys() -> None:
     assert "ssss" not in repr(credentials)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Unix domain sockets")
 def test_pointer_and_force_channels_are_local_and_use_no_port() -> None:
     credentials = authenticator.Credentials("p" * 40, "s" * 40, "q" * 40)
     for transport in ("tcp", "ipc"):

@@ -1,7 +1,8 @@
-"""How kernels read the clock and sleep: the same tests for POSIX and for Windows, the latter on a stand-in."""
+"""How kernels read the clock and sleep: the same tests for POSIX and for Windows, elsewhere on a stand-in."""
 
 import os
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from ctypes import CDLL
 from typing import Any, NamedTuple
@@ -41,12 +42,21 @@ def kernel32() -> Iterator[StandInKernel32]:
     assert {name for name, *_ in winsock.calls} == {"WSAEventSelect", "select"}
 
 
-@pytest.fixture(params=["posix", "windows"])
-def system(request: pytest.FixtureRequest, kernel32: StandInKernel32) -> System:
+@pytest.fixture(params=["this system"] if sys.platform == "win32" else ["this system", "windows, stand-in"])
+def system(request: pytest.FixtureRequest) -> System:
+    if request.param == "windows, stand-in":
+        return windows_with(request.getfixturevalue("kernel32"))
+    record = np.zeros(1, np.dtype(waiting.FIELDS, align=True))
+    waiting.prepare(record[0])
+    kernels = (waiting.machine_ns, waiting.forget_files, waiting.await_file)
+    others = (waiting.has_signalled, waiting.sleep_until_signalled)
+    return System(record, 10**9 // COUNTS_PER_S, *kernels, *others, lambda: None)
+
+
+def windows_with(kernel32: StandInKernel32) -> System:
+    """Windows' kernels, with these functions."""
     names = ("machine_ns", "forget_files", "await_file", "has_signalled", "sleep_until_signalled")
-    kernels = [getattr(waiting, f"{request.param}_{name}") for name in names]
-    if request.param == "posix":
-        return System(np.zeros(1, np.dtype(POSIX_FIELDS, align=True)), 1, *kernels, lambda: None)
+    kernels = [getattr(waiting, f"windows_{name}") for name in names]
     record = np.zeros(1, np.dtype(WINDOWS_FIELDS, align=True))
     waiting.windows_prepare(record[0], kernel32.api())
 

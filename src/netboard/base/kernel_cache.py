@@ -124,7 +124,7 @@ def _places(package: Path) -> tuple[str, ...]:
     if of_choice := os.environ.get("NUMBA_CACHE_DIR"):
         return (of_choice,)
     # A systemd service has its own cache (CacheDirectory=), and may not write into the package. Nor may other users.
-    of_the_service = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
+    of_the_service = os.environ.get("CACHE_DIRECTORY", "").partition(os.pathsep)[0]
     of_the_user = f"{os.environ.get('XDG_CACHE_HOME') or '~/.cache'}/netboard"
     return of_the_service or str(package / "__pycache__"), of_the_user
 

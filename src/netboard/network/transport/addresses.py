@@ -14,6 +14,9 @@ from netboard.network.transport.local_endpoints import local_endpoints
 from netboard.network.transport.names import addresses_of, is_loopback, is_numeric, unresolved
 from netboard.network.transport.ports import reserved, try_to_bind
 
+IN_USE = frozenset({errno.EADDRINUSE, int(zmq.EADDRINUSE)})
+"""Error numbers of an address that another process has: Python's and libzmq's, which differ on Windows."""
+
 
 def local_address(address: str) -> str:
     """Return the address to bind, with a name of this machine resolved: libzmq would not."""
@@ -65,7 +68,7 @@ def free_address(endpoint: Endpoint) -> Iterator[None]:
                 try_to_bind(host, int(port))
                 held.enter_context(reserved(host, int(port)))
         except (OSError, ZMQError) as error:
-            if error.errno == errno.EADDRINUSE:
+            if error.errno in IN_USE:
                 raise NetboardError(
                     f"another server listens on {endpoint.address}, perhaps another user's; "
                     "end it, or choose another [network] port"

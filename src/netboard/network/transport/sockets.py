@@ -8,7 +8,6 @@ connection is detected by TCP keepalive and, much earlier, by silence. ZeroMQ's 
 4.3.5 aborts a process that was stopped for some seconds with full queues. A socket is used by the thread that made it.
 """
 
-import errno
 import logging
 import os
 import secrets
@@ -27,7 +26,7 @@ from zmq import Again, ZMQError
 from netboard.base.errors import NetboardError
 from netboard.base.system.scheduling import scheduling
 from netboard.network.transport import authenticator
-from netboard.network.transport.addresses import host_and_port, is_ipv6, local_address, refuse_taken, url_of
+from netboard.network.transport.addresses import IN_USE, host_and_port, is_ipv6, local_address, refuse_taken, url_of
 from netboard.network.transport.authenticator import Authenticator, Credentials, SharedKey, readable
 from netboard.network.transport.channels import CONTROL, LOG, NAMES, PARTNER, VIEW, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
@@ -228,8 +227,7 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
         socket.bind(address)
     except ZMQError as error:
         socket.close()
-        in_use = error.errno == errno.EADDRINUSE
-        advice = "is another server running?" if in_use else "check [network] bind; is that network up?"
+        advice = "is another server running?" if error.errno in IN_USE else "check [network] bind; is that network up?"
         raise NetboardError(f"cannot listen on {endpoint.address}: {error.strerror}; {advice}") from error
     except NetboardError:
         socket.close()
