@@ -78,12 +78,14 @@ qt_libraries() {
     say "windows will not open until these are installed: apt-get install" $(missing_qt_packages)
 }
 
-# What some tests need beside Python, and are skipped without: JavaScript, network namespaces, and systemd-analyze.
+# What some tests need beside Python, and are skipped without: JavaScript, network namespaces, systemd-analyze, and a C
+# compiler, which also a Touch needs.
 test_tools() {
     wanted=""
     command -v node >/dev/null && command -v npm >/dev/null || wanted="nodejs npm"
     command -v ip >/dev/null || [ -x /usr/sbin/ip ] || wanted="$wanted iproute2"
     command -v systemd-analyze >/dev/null || wanted="$wanted systemd"
+    command -v cc >/dev/null || command -v gcc >/dev/null || command -v clang >/dev/null || wanted="$wanted gcc libc6-dev"
     [ -n "$wanted" ] || return 0
     if can_install && apt_install $wanted; then
         return 0

@@ -5,8 +5,11 @@ stderr; ``--debug`` shows the traceback.
 """
 
 import errno
+import io
 import logging
+import os
 import re
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -122,6 +125,7 @@ def expected(error: NetboardError | OSError | ImportError | MemoryError) -> tupl
         case NetboardError():
             return str(error), FAULT
         case OSError() if error.filename is None and error.errno == errno.ENOSPC:
+            _drop_output()
             return "the output cannot be written: the disk is full", FAULT
         case OSError() if error.filename is None and error.errno == errno.ENOENT:  # from os.getcwd
             return "this folder has been deleted; change to another one", FAULT
@@ -134,6 +138,14 @@ def expected(error: NetboardError | OSError | ImportError | MemoryError) -> tupl
         case ImportError() if (error.path or "").endswith(BINARIES):
             return f"{error.name} cannot be loaded: {error}; install that library: deploy/setup.sh run", WRONG
     return "", FAULT
+
+
+def _drop_output() -> None:
+    """Write what is still to be printed nowhere: Python would try again at its end, and fail with other words."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def missing_extra(error: ModuleNotFoundError) -> str:

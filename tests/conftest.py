@@ -2,6 +2,7 @@
 
 import gc
 import math
+import os
 from collections.abc import Generator
 from pathlib import Path
 
@@ -28,6 +29,7 @@ settings.load_profile("untimed")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config: pytest.Config) -> None:
+    os.environ.pop("TERM", None)  # a test that needs a terminal says which
     compiling.SHOWN_AFTER_S = math.inf  # what a command prints here does not depend on what is in the cache
     if sampling.SEED and config.getoption("hypothesis_seed") is None:
         config.option.hypothesis_seed = str(sampling.SEED)

@@ -37,8 +37,9 @@ def test_study_with_stored_paths_has_the_same_results(tmp_path: Path) -> None:
     held = study_of(BLOCKS, Readings())
     read = study_of(BLOCKS, Readings(), stored(tmp_path))
     assert len(mean_paths(held).results) > 1
-    assert mean_paths(read).results == mean_paths(held).results
-    assert influences(read).results == influences(held).results
+    # As text: a number that is unknown, NaN, does not equal itself.
+    assert repr(mean_paths(read).results) == repr(mean_paths(held).results)
+    assert repr(influences(read).results) == repr(influences(held).results)
     assert len(sparklines(held)) == len(held.trials)
     assert sparklines(read) == sparklines(held)
 

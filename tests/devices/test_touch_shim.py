@@ -1,5 +1,6 @@
 """The servo in C: compilation on demand, and its errors."""
 
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,10 @@ from netboard.devices.touch import shim
 from netboard.devices.touch.api import ERRORS_LOST, Error
 from netboard.devices.touch.servo import KEPT_FAULTS, PythonServo, ticks_of
 
+needs_compiler = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="no C compiler here")
 
+
+@needs_compiler
 def test_shim_is_compiled_once(tmp_path: Path) -> None:
     first = shim.build(tmp_path / "kept")
     assert first.exists()
@@ -26,6 +30,7 @@ def test_shim_is_compiled_once(tmp_path: Path) -> None:
     assert [at.name for at in first.parent.iterdir()] == [first.name]
 
 
+@needs_compiler
 @pytest.mark.parametrize(
     "damage", [lambda kept: b"", lambda kept: bytes(len(kept)), lambda kept: kept[: len(kept) // 2]]
 )
@@ -71,6 +76,7 @@ def test_compiler_error_is_quoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert list(tmp_path.iterdir()) == []
 
 
+@needs_compiler
 def test_error_names_unwritable_folder(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(DeviceNotFound, match=r"cannot be kept in .*file"):

@@ -7,6 +7,7 @@ every machine and with the compiler switched off. That holds for kernels of + - 
 `netboard.base.kernel_cache` keeps compiled kernels, in a folder for each version of the source.
 """
 
+import dis
 import hashlib
 import inspect
 import re
@@ -226,7 +227,8 @@ def relaxed(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P,
 
 def _copied(text: FunctionType, recompiled: Callable[[Any], Any]) -> FunctionType:
     """Return a copy of a function with replaced globals and closure."""
-    known = {name: recompiled(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
+    read = {step.argval for step in dis.get_instructions(text) if step.opname == "LOAD_GLOBAL"}
+    known = {name: recompiled(found) for name, found in text.__globals__.items() if name in read}
     cells = tuple(CellType(recompiled(cell.cell_contents)) for cell in text.__closure__ or ())
     copy = FunctionType(text.__code__, {**text.__globals__, **known}, text.__name__, text.__defaults__, cells or None)
     vars(copy)[MADE_WITH] = {name: found for name, found in known.items() if found is not text.__globals__[name]}
