@@ -59,7 +59,7 @@ RUNNING = replace(
     phase="running",
     trial=12,
     successes=11,
-    failures=2,
+    failures=3,
     completions=(3.2, 2.9),
     late_ticks=3,
     peers=("agent.left", "agent.right", "display.left", "display.right", "logger", "console"),
@@ -71,7 +71,7 @@ RUNNING = replace(
     consent=True,
     block=3,
     blocks=18,
-    condition="bimanual, A, full force",
+    condition="dyadic, full force",
     recordings=(RecordingStatus("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
     stations=(StationStatus("left", 0.0009, ARMED, 0.31, 0, 0), StationStatus("right", 0.0011, ARMED, -0.12, 0, 0)),
     devices=(
@@ -87,6 +87,14 @@ IDLE = replace(
     stations=(StationStatus("left", 0.0009, 0, 0.0, 0, 0), StationStatus("right", 0.0011, 0, 0.0, 0, 0)),
 )  # fmt: skip
 """The session is open and ready for F1 and F2."""
+
+PAUSED = replace(
+    RUNNING,
+    phase="paused",
+    notice="paused: the right device is lost",
+    stations=tuple(station._replace(rendered=0.0) for station in RUNNING.stations),
+)
+"""The device is back, and no force acts."""
 
 UNARMED_LINK = LinkStatus("agent.right", "lab-right:77", "0.0.9", 0.004, 0.0012, 0.0006, math.nan, 712.0, 41)
 
@@ -132,8 +140,8 @@ STATES: dict[str, Status] = {
             StationStatus("right", 0.018, int(Safeguard.STALE), 0.0, 37, 0),
         ),
     ),
-    "paused": replace(RUNNING, phase="paused", notice="paused: the right device is lost"),
-    "watched": replace(RUNNING, phase="paused", notice="paused: the right device is lost", commander="lab2:4711"),
+    "paused": PAUSED,
+    "watched": replace(PAUSED, commander="lab2:4711"),
     "stopped": replace(
         RUNNING,
         phase="paused",
@@ -165,6 +173,9 @@ STATES: dict[str, Status] = {
 
 FIRST = ("unopened", "ready", "waiting")
 """States before the first trial."""
+
+DONE = 15
+"""Attempts so far in the running state: 11 successes, 3 failures, and one aborted [1]."""
 
 FATES = ("success", "success", "fell", "success", "success", "success", "timed_out", "success", "aborted", "success")
 
@@ -279,7 +290,7 @@ def main() -> None:
     parser.add_argument("--silent-after", type=float, default=math.inf)
     parser.add_argument("--seconds", type=float, default=60.0)
     wanted = parser.parse_args()
-    server = ConsoleServer(wanted.port, wanted.state, 0 if wanted.state in FIRST else 24)
+    server = ConsoleServer(wanted.port, wanted.state, 0 if wanted.state in FIRST else DONE)
     started, first, late = time.monotonic(), server.status, partial(replace, server.status)
     while (passed := time.monotonic() - started) < wanted.seconds:
         file = first.recordings[0] if first.recordings else None

@@ -8,10 +8,11 @@ from netboard.base.tables.experiment import Block, Session
 from netboard.network.protocol.control import Status
 from netboard.windows.operator.lamps import SILENT, limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
-from windows.console_server import FIRST, STATES, attempts, point  # type: ignore[import-not-found]
+from windows.console_server import DONE, FIRST, STATES, attempts, point  # type: ignore[import-not-found]
 
-AHEAD = ("dyadic, haptics off", "bimanual B, haptics on", "dyadic, haptics on")
+AHEAD = ("bimanual A, haptics off", "dyadic, haptics off", "bimanual B, haptics on")
 SESSION = Session(name="S03", dyad="D03", participant_a="P07", participant_b="P08", pilot=False, consent=True)
+ME = "lab-pc-3: 88"
 BLOCK = Block(number=3, blocks=18)
 POINTS = [point(tick) for tick in range(0, 10_001, 5)]
 
@@ -38,18 +39,20 @@ NAMES = {
 def make() -> ConsoleWindow:
     """Return a console without a server."""
     config = Config()
-    return ConsoleWindow(config, limits_of(config, version("netboard")), "lab-pc-3: 88")
+    return ConsoleWindow(config, limits_of(config, version("netboard")), ME)
 
 
 def show(window: ConsoleWindow, state: str) -> None:
     """Show a state."""
     status: Status = replace(STATES[NAMES[state]], ahead=AHEAD, session=state)
     begun = NAMES[state] not in FIRST
+    if begun:
+        status = replace(status, commander=ME)
     silence = 8.0 if state == "lost" else SILENT / 2
     shown = State(
         status,
         silence,
-        attempts=attempts(24) if begun else (),
+        attempts=attempts(DONE) if begun else (),
         points=POINTS if begun else (),
         session=SESSION,
         block=BLOCK,
