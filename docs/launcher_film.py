@@ -56,13 +56,13 @@ class Film:
         self.window.show()
         self.window.resize(*SIZE)
         self.frames: list[tuple[str, QImage]] = []
-        self.keys = 0
+        self.keys, self.began = 0, time.monotonic()
 
     def take(self, title: str) -> None:
         """Take a frame."""
         self.wait(0.3)
         self.frames.append((title, self.window.grab().toImage()))
-        print(f"{time.monotonic():10.1f} s  {self.keys:3} keys  {title}", flush=True)  # noqa: T201
+        print(f"{time.monotonic() - self.began:6.1f} s  {self.keys:3} keys  {title}", flush=True)  # noqa: T201
 
     def wait(self, seconds: float) -> None:
         """Let the window work for a time [s]."""
