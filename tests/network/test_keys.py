@@ -230,6 +230,17 @@ def test_file_without_a_valid_key_is_refused(ring: keys.KeyRing, folder: Path) -
         keys.credentials(folder, "server")
 
 
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.55, 0.7, 0.8, 0.95])
+def test_key_file_that_is_cut_off_says_so_and_what_to_do(ring: keys.KeyRing, folder: Path, share: float) -> None:
+    path = folder / "agent.left.key"
+    text = path.read_text()
+    path.write_text(text[: int(share * len(text))])
+    said = r"agent\.left\.key: .*cut off, .*copy it again, .*keys add agent left"
+    with pytest.raises(ConfigError, match=said) as found:
+        keys.credentials(folder, "agent.left")
+    assert "Field required" not in str(found.value)
+
+
 @pytest.mark.parametrize(
     ("role", "side", "problem"), [("agent", "", "expected a side"), ("logger", "left", "has no side")]
 )

@@ -43,6 +43,7 @@ OPENS: dict[str, tuple[str, ...]] = {
 
 SERVER = "server"
 HOW_TO_INIT = "make it with: netboard keys init"
+CUT_OFF = "the file is cut off, or not a key file of netboard: copy it again"
 LIST = "authorized.toml"
 LIST_HEAD = "# Who may connect to this server: public keys, each for one role and side. Written by: netboard keys\n"
 
@@ -134,7 +135,7 @@ def credentials(folder: Path, peer: str) -> authenticator.Credentials:
     hint = f"create it on the server's machine with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
     file = _read_key(path, hint)
     if file.server is None:
-        raise ConfigError(f"{path}: not a peer's key file: it has no key of the server")
+        raise ConfigError(f"{path}: has no key of the server; {CUT_OFF}, or move it away and {hint}")
     return authenticator.Credentials(authenticator.public_of(file.secret), file.secret, file.server)
 
 
@@ -357,11 +358,14 @@ def _write_new(path: Path, text: str, existing: str = "already exists and was no
 
 
 def _read_key(path: Path, hint: str) -> _KeyFile:
-    file = _parse(path, _read(path, hint), _KEY_ADAPTER)
+    text = _read(path, hint)
     try:
+        file = _parse(path, text, _KEY_ADAPTER)
         authenticator.public_of(file.secret)
+    except ConfigError as error:
+        raise ConfigError(f"{error}; {CUT_OFF}, or move it away and {hint}") from None
     except ValueError:
-        raise ConfigError(f"{path}: secret: is not a key") from None
+        raise ConfigError(f"{path}: secret: is not a key; {CUT_OFF}, or move it away and {hint}") from None
     return file
 
 
@@ -384,7 +388,8 @@ def _parse(path: Path, text: str, adapter: TypeAdapter[T]) -> T:
         return adapter.validate_python(parse_toml(text, str(path)))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        raise ConfigError(f"{path}: {'.'.join(str(step) for step in first['loc'])}: {first['msg']}") from None
+        problem = "is missing" if first["type"] == "missing" else first["msg"]
+        raise ConfigError(f"{path}: {'.'.join(str(step) for step in first['loc'])}: {problem}") from None
 
 
 def _now() -> datetime:
