@@ -119,6 +119,6 @@ def test_figure_has_a_row_for_each_partner() -> None:
 def test_answers_of_a_recording_are_rows_of_its_table() -> None:
     details = {"station": "left", "block": "1", "label": "", "participant": "P1", "partner": "lqg", "complete": "true"}
     details |= {"seconds": "3.0", "who.opinion": "a program", "who.confidence": "80"}
-    (opinion, confidence) = answers("one", [EventRecord(0, 1, 2, ANSWERS, details)])
+    (opinion, confidence) = answers("one", [EventRecord(0, 1, 2, ANSWERS, details)], {})
     assert (opinion["recording"], opinion["other"], opinion["answer"]) == ("one", "lqg", "a program")
     assert (confidence["question"], confidence["value"], confidence["complete"]) == ("confidence", 80.0, 1)

@@ -54,7 +54,7 @@ def recorded_answers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_answers_are_read_from_their_events() -> None:
-    found = answers_in([EVENT, EventRecord(4, 41, 0, "note", {"text": "a.b"})])
+    found = answers_in([EVENT, EventRecord(4, 41, 0, "note", {"text": "a.b"})], {})
     assert [(one.questionnaire, one.question, one.answer) for one in found] == [
         ("person", "opinion", "a person"),
         ("person", "confidence", "80"),
@@ -113,6 +113,24 @@ def test_bids_has_numbers_where_a_question_asks_for_one(tmp_path: Path) -> None:
     bids.write([recorded(tmp_path / "mood.mcap", questions, about | given)], tmp_path / "out", lambda *_: None)
     row = (tmp_path / "out" / "phenotype" / "mood.tsv").read_text(encoding="utf-8").splitlines()[1].split("\t")
     assert row[-4:] == ["-5", "-0.5", "'-5", "'-1"]
+
+
+@pytest.mark.parametrize("text", ["007", "1e5", "nan", "infinity"])
+def test_free_text_is_never_a_number(tmp_path: Path, text: str) -> None:
+    """An answer that came late is to a question of an earlier form: it is a number if it looks like a finite one."""
+    about = {name: value for name, value in DETAILS.items() if "." not in name}
+    given = about | {"rest.remark": text, "rest.rating": "7", "earlier.rating": "5", "earlier.remark": "infinity"}
+    questions = {"rest.remark": REMARK, "rest.rating": FormQuestion()}
+    path = recorded(tmp_path / "text.mcap", questions, given)
+    with Recording(path) as recording:
+        (rows,) = TABLE.portions(OpenRecording(recording))
+        found = answers_in(recording.events(), questions)
+    assert rows["answer"].tolist()[0] == text
+    for values in (rows["value"].tolist(), [one.value for one in found]):
+        assert values == pytest.approx([np.nan, 7.0, 5.0, np.nan], nan_ok=True)
+    bids.write([path], tmp_path / "out", lambda *_: None)
+    row = (tmp_path / "out" / "phenotype" / "rest.tsv").read_text(encoding="utf-8").splitlines()[1].split("\t")
+    assert row[-2:] == [text, "7"]
 
 
 def test_bids_knows_who_answered_in_a_block_without_them(tmp_path: Path) -> None:

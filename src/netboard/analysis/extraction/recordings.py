@@ -25,6 +25,7 @@ from netboard.analysis.extraction.trials import RATE, AttemptData, BlockData, co
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tables.forces import CONDITIONS
+from netboard.base.tables.questionnaires import questions_of
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run, identified
 from netboard.recording.files.reader import Recording
@@ -155,7 +156,7 @@ def identify_and_measure(run: Run, readings: Readings) -> tuple[Run, Measured]:
         movements(name, takes),
         paths_of(name, takes),
         columns_of(CONTROLS, list(controls(name, block, takes))),
-        columns_of(ANSWERS, list(answers(name, events))),
+        columns_of(ANSWERS, list(answers(name, events, questions_of(run.config.form)))),
     )
 
 

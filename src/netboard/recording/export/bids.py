@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.files.cells import tsv_lines, tsv_number_lines
-from netboard.base.tables.questionnaires import NUMBERS, FormQuestion, questions_of
+from netboard.base.tables.questionnaires import FormQuestion, questions_of
 from netboard.recording.export import bids_texts as texts
 from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
@@ -280,7 +280,7 @@ def _write_answers(runs: Sequence[Run], folder: Path) -> None:
     for run in runs:
         questions |= questions_of(run.config.form)
         with Recording(run.path) as recording:
-            found = answers_in(recording.events())
+            found = answers_in(recording.events(), questions)
         for one in found:
             key = (run.session, one.participant, str(one.block), str(one.time_ns))
             row = forms.setdefault(one.questionnaire, {}).setdefault(key, _form_row(one, run.session, labels))
@@ -293,8 +293,7 @@ def _write_answers(runs: Sequence[Run], folder: Path) -> None:
 
 def _answer(one: Answer, questions: Mapping[str, FormQuestion]) -> object:
     """Return an answer for a cell: a number, if the question asks for one."""
-    asked = questions.get(f"{one.questionnaire}.{one.question}")
-    if asked is None or asked.kind not in NUMBERS or not np.isfinite(one.value):
+    if f"{one.questionnaire}.{one.question}" not in questions or np.isnan(one.value):
         return one.answer or texts.MISSING
     return int(one.value) if one.value.is_integer() else one.value
 

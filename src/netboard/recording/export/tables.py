@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.settings import tables as settings_tables
+from netboard.base.tables.questionnaires import questions_of
 from netboard.base.tick import TICK
 from netboard.recording.export.answers import Answer, answers_in
 from netboard.recording.export.factors import ExportedFactor, exported_factors
@@ -342,7 +343,7 @@ _ANSWER_COLUMNS: tuple[tuple[Field, Callable[[Answer], Any]], ...] = (
     _of_answer("questionnaire", "string", "name of the questionnaire", ""),
     _of_answer("question", "string", "name of the question", ""),
     _of_answer("answer", "string", "the answer; empty: skipped", ""),
-    _of_answer("value", "number", "the answer as a number; NaN if it is none", "1"),
+    _of_answer("value", "number", "the answer as a number; NaN if it is none, or the question asks for none", "1"),
     (Field("complete", "integer", "1: the participant finished the form", "1"), lambda one: int(one.complete)),
     _of_answer("seconds", "number", "how long the form was open", "s"),
     _of_answer("time_ns", "integer", "server time at which the answers came", "ns"),
@@ -351,7 +352,7 @@ _ANSWER_COLUMNS: tuple[tuple[Field, Callable[[Answer], Any]], ...] = (
 
 
 def _answers(source: OpenRecording) -> Iterator[Rows]:
-    found = answers_in(source.recording.events())
+    found = answers_in(source.recording.events(), questions_of(source.config.form))
     yield {field.name: np.array([value(one) for one in found], DTYPES[field.kind]) for field, value in _ANSWER_COLUMNS}
 
 
