@@ -136,6 +136,13 @@ def test_server_start_reports_an_existing_journal_of_the_session(capsys: pytest.
 
 
 @pytest.mark.slow
+def test_server_start_says_that_the_first_session_has_not_begun(capsys: pytest.CaptureFixture[str]) -> None:
+    study = parse_study('name = "twice"\norders.main = "duo | duo"\n[kinds.duo]\n')
+    Planned(Config(), study, StudySession("twice", 1, session=2)).begin()
+    assert "session 2 of dyad D01 begins, but no journal here is of session 1" in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_server_of_a_session_that_was_started_before_does_not_begin() -> None:
     planned = Planned(parse("[session]\npilot = true"), load_study("pilot"), StudySession("pilot", 1))
     planned.path.parent.mkdir()

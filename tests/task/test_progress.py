@@ -36,7 +36,13 @@ from netboard.task.journal.entries import (
     read_lines,
 )
 from netboard.task.journal.progress import SessionProgress, progress_of, resume_words
-from netboard.task.journal.same_session import changed_plan, changes, require_same_people, require_same_plan
+from netboard.task.journal.same_session import (
+    changed_plan,
+    changes,
+    require_same_people,
+    require_same_plan,
+    skipped_sessions,
+)
 from netboard.task.trials.repeats import Repeats, wants_repeat
 from session_model import HEADER, PLAN, Planned, check, entries_of_run
 
@@ -398,6 +404,26 @@ def test_other_session_of_a_dyad_must_have_the_same_people() -> None:
 )
 def test_other_session_of_a_dyad_says_how_its_plan_differs(changed: dict[str, Any], words: str) -> None:
     said = changed_plan(HEADER, replace(HEADER, name="S02", session=2, **changed))
+    assert words in said
+    assert bool(said) == bool(words)
+
+
+@pytest.mark.parametrize(
+    ("number", "others", "pilot", "words"),
+    [
+        (1, [], False, ""),
+        (2, [{}], False, ""),
+        (2, [], False, "session 2 of dyad D03 begins, but no journal here is of session 1: check --dyad and --session"),
+        (2, [{"pilot": True}], False, "of session 1:"),
+        (2, [{"study": "another"}], False, "of session 1:"),
+        (2, [], True, ""),
+        (4, [{"session": 2}], False, "of session 1 or 3:"),
+    ],
+)
+def test_session_before_its_earlier_ones_says_so(
+    number: int, others: list[dict[str, Any]], pilot: bool, words: str
+) -> None:
+    said = skipped_sessions([replace(HEADER, **one) for one in others], replace(HEADER, session=number, pilot=pilot))
     assert words in said
     assert bool(said) == bool(words)
 

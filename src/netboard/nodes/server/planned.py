@@ -17,7 +17,13 @@ from netboard.nodes.server.pseudonyms import Use, require_own_pseudonyms, uses_i
 from netboard.recording.recovery.journal_file import Journal, journal_path, other_journals, started_before
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
 from netboard.task.journal.progress import progress_of, resume_words
-from netboard.task.journal.same_session import changed_plan, changes, require_same_people, require_same_plan
+from netboard.task.journal.same_session import (
+    changed_plan,
+    changes,
+    require_same_people,
+    require_same_plan,
+    skipped_sessions,
+)
 from netboard.task.plans import plan as plans
 from netboard.task.plans.balance import require_balance
 from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
@@ -127,9 +133,10 @@ class Planned:
         self._recorded = uses_in(self.path.parent)
         require_own_pseudonyms(self.config.session, self._recorded)
         now = self.header(self.config.session)
-        for _, other in other_journals(self.path, now.dyad):
-            if changed := changed_plan(other, now):
-                console.print(changed, style="yellow", soft_wrap=True)
+        others = [header for _, header in other_journals(self.path, now.dyad)]
+        for warning in (*(changed_plan(other, now) for other in others), skipped_sessions(others, now)):
+            if warning:
+                console.print(warning, style="yellow", soft_wrap=True)
         attempts = Attempts(self._new_journal)
         return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 

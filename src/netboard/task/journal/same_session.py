@@ -1,6 +1,6 @@
 """Compare a session with the journal that it resumes, and with the other sessions of its dyad."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from netboard.base.errors import RecordingError
@@ -82,6 +82,24 @@ def changed_plan(header: Header, now: Header) -> str:
         found.append("the text of the study has changed")
     why = "; ".join(found) or "check --dyad, --blocks, --trials, and the dominant hands ([session] hand_a, hand_b)"
     return f"this is not the plan of session {header.name} of dyad {header.dyad}: {why}"
+
+
+def skipped_sessions(others: Sequence[Header], now: Header) -> str:
+    """Say which earlier sessions of the dyad have no journal beside this one, in a sentence; empty for a pilot.
+
+    Parameters
+    ----------
+    others : sequence of Header
+        First lines of the dyad's other journals.
+    """
+    begun = {other.session for other in others if not other.pilot and other.study == now.study}
+    skipped = [str(number) for number in range(1, now.session) if number not in begun]
+    if now.pilot or not skipped:
+        return ""
+    return (
+        f"session {now.session} of dyad {now.dyad} begins, but no journal here is of session {' or '.join(skipped)}: "
+        "check --dyad and --session"
+    )
 
 
 def _differences(header: Header, now: Header, words: dict[str, str], when: str = "when the session began") -> list[str]:
