@@ -2,8 +2,9 @@
 
 At such a tick the recorded force is NaN. Later, the agent reports the samples that it remembers. The newest sample
 before the tick fills in the force in two cases: it was read at most `netboard.base.tick.KNOWN_NS` before the tick, or
-the agent also reports the next sample. In the second case the agent was delayed and the device held its force. A force
-that no agent remembers stays NaN. The safeguards of a filled tick are those of all samples since the previous tick. No
+the agent also reports the next sample. In the second case the agent was delayed and the device held a force: that of
+this sample, or that of the next one if it was handed over before the delay. The rows do not tell which. A force that
+no agent remembers stays NaN. The safeguards of a filled tick are those of all samples since the previous tick. No
 other column changes, and no tick that had a sample.
 """
 
