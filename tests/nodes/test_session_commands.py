@@ -169,8 +169,15 @@ def test_second_session_with_another_plan_says_so(
     (tmp_path / "D01_S00.journal.jsonl").write_text("damaged")
     SteppedSession(tmp_path, context, "session.name=S02", pilot=False).close()
     assert capsys.readouterr().out == ""
-    SteppedSession(tmp_path, context, "session.name=S02", "session.hand_b=left", pilot=False).close()
-    assert "this is not the plan of session S01 of dyad D01: check --dyad" in capsys.readouterr().out
+    second = SteppedSession(tmp_path, context, "session.name=S02", "session.hand_b=left", pilot=False, autostart=True)
+    said = "this is not the plan of session S01 of dyad D01: check --dyad"
+    assert said in capsys.readouterr().out
+    assert said in second.session._answers.status().notice
+    assert second.do("open", '{"consent": true}') == (True, "")
+    assert said in second.session._answers.status().notice
+    second.succeed()
+    assert said not in second.session._answers.status().notice
+    second.close()
 
 
 def succeeded(stepped: SteppedSession) -> None:

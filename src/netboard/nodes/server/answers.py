@@ -64,6 +64,7 @@ class SessionAnswers:
         unconfirmed = session.confirmations.unconfirmed(found)
         troubles = (
             session.forms.notice,
+            session.attempts.warning,
             session.attempts.trouble,
             ports.log.notice,
             latency.notice,

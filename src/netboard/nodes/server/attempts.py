@@ -61,7 +61,7 @@ class Attempts:
     """Follows the attempts of a session.
 
     ``begin_journal``: makes the journal from the configuration once the form is complete; None for a session without a
-    journal.
+    journal. ``warning``: what the operator should check before the first trial.
     """
 
     def __init__(
@@ -69,11 +69,13 @@ class Attempts:
         begin_journal: Callable[[Config], Journal] | None = None,
         journal: Journal | None = None,
         progress: SessionProgress | None = None,
+        warning: str = "",
     ) -> None:
         self.finished: list[AttemptOutcome] = list(progress.outcomes) if progress else []
         self.completions: list[float] = []  # completion times of the block so far [s]
         self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
+        self._warning = warning
         self._form = progress.form if progress else FormAwaited(0, ())
         self._early = deque[_OfRun](maxlen=MAX_EARLY)
         self._run = ""
@@ -93,6 +95,11 @@ class Attempts:
     def opened(self) -> bool:
         """Whether an earlier run of the server opened the session."""
         return self._progress is not None
+
+    @property
+    def warning(self) -> str:
+        """What the operator should check before the first trial; empty once an attempt has ended."""
+        return "" if self.finished else self._warning
 
     @property
     def best(self) -> float | None:

@@ -134,10 +134,10 @@ class Planned:
         require_own_pseudonyms(self.config.session, self._recorded)
         now = self.header(self.config.session)
         others = [header for _, header in other_journals(self.path, now.dyad)]
-        for warning in (*(changed_plan(other, now) for other in others), skipped_sessions(others, now)):
-            if warning:
-                console.print(warning, style="yellow", soft_wrap=True)
-        attempts = Attempts(self._new_journal)
+        warnings = [*filter(None, (*(changed_plan(other, now) for other in others), skipped_sessions(others, now)))]
+        for warning in warnings:
+            console.print(warning, style="yellow", soft_wrap=True)
+        attempts = Attempts(self._new_journal, warning="; ".join(warnings))
         return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 
     def _new_journal(self, config: Config) -> Journal:
